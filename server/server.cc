@@ -54,6 +54,7 @@ constexpr int kNumIoThreads = 4;
 constexpr int kNumUploadThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
+constexpr int kNumCorrectionThreads = 1;
 constexpr int kNumBorderThreads = 1;
 constexpr int kNumAdminThreads = 2;  // loading a model occupies one of them for seconds
 constexpr int kNumPhotographProcesses = 4;
@@ -61,6 +62,7 @@ constexpr size_t kMaxQueuedCalls = 1000;
 constexpr size_t kMaxQueuedUploads = 64;  // calls of up to 8 MiB; parts of streams do not count
 constexpr size_t kMaxQueuedQueries = 200;
 constexpr size_t kMaxQueuedEvaluations = 16;  // each holds its request of up to 8 MiB
+constexpr size_t kMaxQueuedCorrections = 16;  // each holds its request of up to 8 MiB
 constexpr size_t kMaxQueuedBorders = 60;  // a minute of work a project, where each is of a new view
 constexpr size_t kMaxQueuedAdminCalls = 100;
 constexpr size_t kMaxQueuedPhotographs = 500;
@@ -105,6 +107,7 @@ struct Server::Parts {
                     WorkerPool(PoolLimits(kNumUploadThreads, kMaxQueuedUploads)),
                     WorkerPool(PoolLimits(kNumQueryThreads, kMaxQueuedQueries)),
                     WorkerPool(PoolLimits(kNumEvaluationThreads, kMaxQueuedEvaluations)),
+                    WorkerPool(PoolLimits(kNumCorrectionThreads, kMaxQueuedCorrections)),
                     WorkerPool(PoolLimits(kNumBorderThreads, kMaxQueuedBorders)),
                     WorkerPool({.threads = kNumAdminThreads, .queued = kMaxQueuedAdminCalls})};
   FailedPhotographs failed_photographs;

@@ -307,7 +307,7 @@ void AddEvaluate(CLI::App& app, Shell& shell) {
   CLI::App* verb = app.add_subcommand("evaluate", "Score models against the truth of views");
   verb->add_option(
           "MODEL", flags->models,
-          "Models, each SCENE (the newest model, or --model), SCENE/NUMBER or a name, and last "
+          "Models, each SCENE (the live model, or --model), SCENE/NUMBER or a name, and last "
           "the folder of the truth. It has label images STEM.png, named as the photographs: grey, "
           "8 or 16 bits, the entity's id in each pixel, 0 for none; or binary masks "
           "STEM/ENTITY.png; or outlines, STEM.json of LabelMe or COCO's JSON, which may also be "

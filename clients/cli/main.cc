@@ -18,6 +18,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   AddJobs(app, shell);
   AddSegment(app, shell);
   AddPropose(app, shell);
+  AddCorrect(app, shell);
   AddRender(app, shell);
   AddPhotograph(app, shell);
   AddLabel(app, shell);

@@ -100,7 +100,7 @@ absl::Status RunPin(const Shell& shell, const ResidentFlags& flags, Stub& admin)
 // Adds SCENE and --model.
 void AddModelOptions(CLI::App& verb, ResidentFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
-  verb.add_option("--model", flags.model, "Number of the model; by default the newest");
+  verb.add_option("--model", flags.model, "Number of the model; by default the live one");
 }
 
 }  // namespace

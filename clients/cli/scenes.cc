@@ -112,6 +112,7 @@ struct ModelsFlags {
   std::string scene;
   int number = 0;       // of a model; 0: list all
   bool remove = false;  // delete the model
+  bool live = false;    // make it the live one
 };
 
 TableRow RowOf(const v1::Model& model, absl::Time now) {
@@ -149,6 +150,7 @@ absl::Status DescribeModel(const Shell& shell, const Client& client, const std::
   }
   Print(absl::StrFormat("%s  %d Gaussians, %s", model.name(), model.num_gaussians(),
                         SizeText(model.num_bytes())));
+  if (!model.corrected_from().empty()) Print("  corrected from " + model.corrected_from());
   PrintFacts(model);
   return absl::OkStatus();
 }
@@ -157,7 +159,11 @@ absl::Status RunModels(const Shell& shell, const ModelsFlags& flags) {
   const Client client(shell.channel);
   if (flags.number == 0) return ListModels(shell, client, SceneName(flags.scene));
   const std::string name = ModelName(flags.scene, std::to_string(flags.number));
-  return flags.remove ? client.DeleteModel(name) : DescribeModel(shell, client, name);
+  if (flags.remove) return client.DeleteModel(name);
+  if (!flags.live) return DescribeModel(shell, client, name);
+  ASSIGN_OR_RETURN(const v1::Scene scene, client.SetLiveModel(name));
+  shell.json ? PrintJson(scene) : Print(SceneLine(scene));
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -175,13 +181,20 @@ void AddScenes(CLI::App& app, Shell& shell) {
 void AddModels(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<ModelsFlags>();
   CLI::App* verb =
-      app.add_subcommand("models", "List a scene's models, newest first; describe or delete one");
+      app.add_subcommand("models",
+                         "List a scene's models, newest first; describe one, delete it "
+                         "or make it the live one");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
   CLI::Option* number =
       verb->add_option("NUMBER", flags->number, "Number of a model")->check(CLI::PositiveNumber);
-  verb->add_flag("--delete", flags->remove,
-                 "Delete the model with its selections; the model before it becomes the live one")
-      ->needs(number);
+  CLI::Option* remove =
+      verb->add_flag("--delete", flags->remove,
+                     "Delete the model with its selections; if it is the live one, the model that "
+                     "was live before becomes it")
+          ->needs(number);
+  verb->add_flag("--live", flags->live, "Make the model the live one: undoes a correction")
+      ->needs(number)
+      ->excludes(remove);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunModels(shell, *flags); }; });
 }
 

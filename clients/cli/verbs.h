@@ -20,6 +20,7 @@ void AddModels(CLI::App& app, Shell& shell);
 void AddSegment(CLI::App& app, Shell& shell);
 void AddPropose(CLI::App& app, Shell& shell);
 void AddFind(CLI::App& app, Shell& shell);
+void AddCorrect(CLI::App& app, Shell& shell);
 void AddRender(CLI::App& app, Shell& shell);
 void AddPhotograph(CLI::App& app, Shell& shell);
 void AddLabel(CLI::App& app, Shell& shell);

@@ -28,6 +28,14 @@ constexpr int kMaxWatchRetries = 10;  // in a row without an event
 constexpr auto kRetryPause = std::chrono::seconds(3);
 constexpr double kEvaluateSeconds = 3600;  // a hundred entities take long on a CPU
 
+// Returns the request that has only a name.
+template <class Request>
+Request Named(const std::string& name) {
+  Request request;
+  request.set_name(name);
+  return request;
+}
+
 // Returns true for a final state.
 bool HasEnded(v1::JobState state) {
   return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
@@ -132,9 +140,7 @@ absl::Status Client::EnsureScene(const std::string& scene) const {
 }
 
 absl::StatusOr<v1::Scene> Client::GetScene(const std::string& scene) const {
-  v1::GetSceneRequest request;
-  request.set_name(SceneName(scene));
-  return Ask(*scenes_, &Scenes::GetScene, scene, request);
+  return Ask(*scenes_, &Scenes::GetScene, scene, Named<v1::GetSceneRequest>(SceneName(scene)));
 }
 
 absl::StatusOr<v1::ListScenesResponse> Client::ListScenes() const {
@@ -142,15 +148,12 @@ absl::StatusOr<v1::ListScenesResponse> Client::ListScenes() const {
 }
 
 absl::Status Client::DeleteScene(const std::string& scene) const {
-  v1::DeleteSceneRequest request;
-  request.set_name(SceneName(scene));
-  return Ask(*scenes_, &Scenes::DeleteScene, scene, request).status();
+  return Ask(*scenes_, &Scenes::DeleteScene, scene, Named<v1::DeleteSceneRequest>(SceneName(scene)))
+      .status();
 }
 
 absl::StatusOr<v1::Model> Client::GetModel(const std::string& model) const {
-  v1::GetModelRequest request;
-  request.set_name(model);
-  return Ask(*scenes_, &Scenes::GetModel, SceneOf(model), request);
+  return Ask(*scenes_, &Scenes::GetModel, SceneOf(model), Named<v1::GetModelRequest>(model));
 }
 
 absl::StatusOr<v1::ListModelsResponse> Client::ListModels(const std::string& scene) const {
@@ -160,9 +163,13 @@ absl::StatusOr<v1::ListModelsResponse> Client::ListModels(const std::string& sce
 }
 
 absl::Status Client::DeleteModel(const std::string& model) const {
-  v1::DeleteModelRequest request;
-  request.set_name(model);
-  return Ask(*scenes_, &Scenes::DeleteModel, SceneOf(model), request).status();
+  return Ask(*scenes_, &Scenes::DeleteModel, SceneOf(model), Named<v1::DeleteModelRequest>(model))
+      .status();
+}
+
+absl::StatusOr<v1::Scene> Client::SetLiveModel(const std::string& model) const {
+  return Ask(*scenes_, &Scenes::SetLiveModel, SceneOf(model),
+             Named<v1::SetLiveModelRequest>(model));
 }
 
 absl::StatusOr<std::vector<v1::View>> Client::ListViews(const std::string& model) const {
@@ -190,9 +197,7 @@ absl::StatusOr<v1::ListTrainingOptionsResponse> Client::ListTrainingOptions(
 }
 
 absl::StatusOr<v1::Job> Client::GetJob(const std::string& job) const {
-  v1::GetJobRequest request;
-  request.set_name(JobName(job));
-  return Ask(*jobs_, &Jobs::GetJob, "", request);
+  return Ask(*jobs_, &Jobs::GetJob, "", Named<v1::GetJobRequest>(JobName(job)));
 }
 
 absl::StatusOr<v1::ListJobsResponse> Client::ListJobs(const std::string& scene) const {
@@ -202,9 +207,7 @@ absl::StatusOr<v1::ListJobsResponse> Client::ListJobs(const std::string& scene) 
 }
 
 absl::StatusOr<v1::Job> Client::CancelJob(const std::string& job) const {
-  v1::CancelJobRequest request;
-  request.set_name(JobName(job));
-  return Ask(*jobs_, &Jobs::CancelJob, "", request);
+  return Ask(*jobs_, &Jobs::CancelJob, "", Named<v1::CancelJobRequest>(JobName(job)));
 }
 
 absl::StatusOr<v1::Job> Client::WatchJob(const std::string& job,
@@ -260,6 +263,11 @@ absl::StatusOr<v1::DecomposeModelResponse> Client::Decompose(
   return Ask(*segmentation_, &Segmentation::DecomposeModel, SceneOf(request.model()), request);
 }
 
+absl::StatusOr<v1::CorrectSegmentResponse> Client::Correct(
+    const v1::CorrectSegmentRequest& request) const {
+  return Ask(*segmentation_, &Segmentation::CorrectSegment, SceneOf(request.model()), request);
+}
+
 absl::StatusOr<v1::EvaluateModelResponse> Client::Evaluate(
     const v1::EvaluateModelRequest& request) const {
   return Ask(*evaluation_, &Evaluation::EvaluateModel, SceneOf(request.model()), request,
@@ -298,9 +306,8 @@ absl::StatusOr<v1::ListLabelsResponse> Client::ListLabels(const std::string& sce
 }
 
 absl::Status Client::DeleteLabel(const std::string& label) const {
-  v1::DeleteLabelRequest request;
-  request.set_name(label);
-  return Ask(*labels_, &Labels::DeleteLabel, SceneOf(label), request).status();
+  return Ask(*labels_, &Labels::DeleteLabel, SceneOf(label), Named<v1::DeleteLabelRequest>(label))
+      .status();
 }
 
 absl::StatusOr<v1::Selection> Client::Select(v1::CreateSelectionRequest request) const {
@@ -315,15 +322,13 @@ absl::StatusOr<v1::Selection> Client::CombineSelections(
 }
 
 absl::StatusOr<v1::Selection> Client::UndoSelection(const std::string& selection) const {
-  v1::UndoSelectionRequest request;
-  request.set_name(selection);
-  return Ask(*selections_, &Selections::UndoSelection, SceneOf(selection), request);
+  return Ask(*selections_, &Selections::UndoSelection, SceneOf(selection),
+             Named<v1::UndoSelectionRequest>(selection));
 }
 
 absl::StatusOr<v1::Selection> Client::GetSelection(const std::string& selection) const {
-  v1::GetSelectionRequest request;
-  request.set_name(selection);
-  return Ask(*selections_, &Selections::GetSelection, SceneOf(selection), request);
+  return Ask(*selections_, &Selections::GetSelection, SceneOf(selection),
+             Named<v1::GetSelectionRequest>(selection));
 }
 
 absl::StatusOr<v1::ListSelectionsResponse> Client::ListSelections(const std::string& scene) const {
@@ -333,9 +338,9 @@ absl::StatusOr<v1::ListSelectionsResponse> Client::ListSelections(const std::str
 }
 
 absl::Status Client::DeleteSelection(const std::string& selection) const {
-  v1::DeleteSelectionRequest request;
-  request.set_name(selection);
-  return Ask(*selections_, &Selections::DeleteSelection, SceneOf(selection), request).status();
+  return Ask(*selections_, &Selections::DeleteSelection, SceneOf(selection),
+             Named<v1::DeleteSelectionRequest>(selection))
+      .status();
 }
 
 }  // namespace pepeseg::client

@@ -56,6 +56,8 @@ class Client {
   absl::StatusOr<v1::Model> GetModel(const std::string& model) const;
   absl::StatusOr<v1::ListModelsResponse> ListModels(const std::string& scene) const;
   absl::Status DeleteModel(const std::string& model) const;
+  // Makes a model the live one of its scene, and returns the scene.
+  absl::StatusOr<v1::Scene> SetLiveModel(const std::string& model) const;
   absl::StatusOr<std::vector<v1::View>> ListViews(const std::string& model) const;
 
   // Datasets (client_uploads.cc).
@@ -106,6 +108,9 @@ class Client {
   absl::StatusOr<v1::FindSegmentsResponse> Find(const v1::FindSegmentsRequest& request) const;
   absl::StatusOr<v1::DecomposeModelResponse> Decompose(
       const v1::DecomposeModelRequest& request) const;
+  // Makes a new model, which is live. A call whose response was lost is not repeated.
+  absl::StatusOr<v1::CorrectSegmentResponse> Correct(
+      const v1::CorrectSegmentRequest& request) const;
   absl::StatusOr<v1::EvaluateModelResponse> Evaluate(const v1::EvaluateModelRequest& request) const;
   absl::StatusOr<v1::RenderViewResponse> Render(const v1::RenderViewRequest& request) const;
   // Writes a model, or a subset of it, to `file`. The file appears only once all of its

@@ -73,9 +73,9 @@ absl::Status CollectJobs(Collection& collection) {
   return absl::OkStatus();
 }
 
-// Removes the files of `folder` without a record, as has_record(scene, number) returns it. The
-// folder has a folder for each scene, with files named by a number. A file is written before its
-// record, so only files of at least options.file_age are removed.
+// Removes the files and folders of `folder` without a record, as has_record(scene, number) returns
+// it. The folder has a folder for each scene, with entries named by a number. A file is written
+// before its record, so only files of at least options.file_age are removed.
 template <typename HasRecord>
 absl::Status CollectNumbered(Collection& collection, const fs::path& folder, HasRecord has_record) {
   for (const fs::path& of_scene : EntriesOf(folder)) {
@@ -87,7 +87,8 @@ absl::Status CollectNumbered(Collection& collection, const fs::path& folder, Has
       if (AgeOf(file) < collection.options.file_age) continue;
       const absl::Status record = has_record(scene, number);
       if (absl::IsNotFound(record)) {
-        collection.Remove(file);
+        fs::is_directory(fs::symlink_status(file)) ? collection.RemoveAll(file)
+                                                   : collection.Remove(file);
       } else {
         RETURN_IF_ERROR(record);
       }
@@ -111,6 +112,10 @@ absl::Status CollectAll(Collection& collection) {
   RETURN_IF_ERROR(CollectNumbered(collection, SelectionsFolder(data),
                                   [&](const SceneRef& scene, int64_t number) {
                                     return store.selections().GetSelection(scene, number).status();
+                                  }));
+  RETURN_IF_ERROR(CollectNumbered(collection, CorrectedModelsFolder(data),
+                                  [&](const SceneRef& scene, int64_t number) {
+                                    return store.models().GetModel(scene, number).status();
                                   }));
   RETURN_IF_ERROR(
       CollectNumbered(collection, DatasetsFolder(data), [&](const SceneRef& scene, int64_t number) {

@@ -175,6 +175,8 @@ WorkerPool& WorkerPools::Of(v1::Pool pool) {
       return query;
     case v1::POOL_EVALUATION:
       return evaluation;
+    case v1::POOL_CORRECTION:
+      return correction;
     case v1::POOL_ADMIN:
       return admin;
     default:

@@ -138,6 +138,7 @@ struct WorkerPools {
   WorkerPool upload;      // calls that do so for long, such as for each of thousands of files
   WorkerPool query;       // calls that compute
   WorkerPool evaluation;  // calls that compute for long
+  WorkerPool correction;  // calls that train a model for seconds
   WorkerPool border;      // calls that wait for SAM, which answers one at a time
   WorkerPool admin;       // calls of operators
 
@@ -145,12 +146,14 @@ struct WorkerPools {
   WorkerPool& Of(v1::Pool pool);
   // Drains all pools but `admin`, whose calls are answered until the end.
   void SetDraining(bool draining) {
-    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &border}) {
+    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &correction, &border}) {
       pool->SetDraining(draining);
     }
   }
   void Stop() {
-    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &border, &admin}) pool->Stop();
+    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &correction, &border, &admin}) {
+      pool->Stop();
+    }
   }
 };
 

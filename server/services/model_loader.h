@@ -49,7 +49,7 @@ class ModelLoader {
   ModelLoader(const Dependencies& deps, std::unique_ptr<ModelCache> cache)
       : deps_(deps), cache_(std::move(cache)) {}
 
-  // Returns the record of a model, where the name ".../models/live" means the newest one.
+  // Returns the record of a model, where the name ".../models/live" means the live one.
   // FAILED_PRECONDITION: the scene has no model yet; the detail names the scene's active job.
   absl::StatusOr<ModelRecord> Find(const SceneChild& model) const;
   absl::StatusOr<ModelRecord> Find(const NamedScenes& scenes, const std::string& name,

@@ -80,6 +80,7 @@ absl::Status Operations::FillStatus(v1::ServerStatus* response) const {
   FillPool(v1::ServerStatus::WORK_EVALUATION, pools.evaluation, response);
   FillPool(v1::ServerStatus::WORK_UPLOAD, pools.upload, response);
   FillPool(v1::ServerStatus::WORK_BORDER, pools.border, response);
+  FillPool(v1::ServerStatus::WORK_CORRECTION, pools.correction, response);
   response->set_num_streams(static_cast<int32_t>(deps_.runner.streams().size()));
   const LatencyWindow::Quantiles queries =
       LatencyWindow::Summarize(absl::Now(), pools.query.latencies(), pools.evaluation.latencies());

@@ -151,6 +151,7 @@ absl::Status SceneServiceRpc::DeleteWithRemains(const SceneRef& scene) const {
   }
   std::filesystem::remove_all(DatasetFolder(models_.data_folder(), scene), ignored);
   std::filesystem::remove_all(models_.data_folder() / SelectionFolder(scene), ignored);
+  std::filesystem::remove_all(models_.data_folder() / CorrectedFolder(scene), ignored);
   return absl::OkStatus();
 }
 
@@ -231,6 +232,15 @@ absl::Status SceneServiceRpc::GetModel(const UnaryCall& call, const v1::GetModel
   RETURN_IF_ERROR(record.status());
   *response = ToProto(*record);
   return absl::OkStatus();
+}
+
+absl::Status SceneServiceRpc::SetLiveModel(const UnaryCall& call,
+                                           const v1::SetLiveModelRequest& request,
+                                           v1::Scene* response) const {
+  ASSIGN_OR_RETURN(const ModelRecord model, models_.Find(call.scenes(), request.name(), "name"));
+  RETURN_IF_ERROR(store_.models().SetLiveModel(model.scene, model.number));
+  ASSIGN_OR_RETURN(const SceneRecord scene, store_.scenes().GetScene(model.scene));
+  return FillScene(scene, call.caller, response);
 }
 
 absl::Status SceneServiceRpc::DeleteModel(const UnaryCall& call,

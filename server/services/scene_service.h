@@ -19,6 +19,7 @@ class SceneServiceRpc final : public v1::SceneService::CallbackService {
   PEPESEG_UNARY(DeleteScene, v1::DeleteSceneRequest, google::protobuf::Empty)
   PEPESEG_UNARY(ListViews, v1::ListViewsRequest, v1::ListViewsResponse)
   PEPESEG_UNARY(GetModel, v1::GetModelRequest, v1::Model)
+  PEPESEG_UNARY(SetLiveModel, v1::SetLiveModelRequest, v1::Scene)
   PEPESEG_UNARY(DeleteModel, v1::DeleteModelRequest, google::protobuf::Empty)
   PEPESEG_UNARY(ListModels, v1::ListModelsRequest, v1::ListModelsResponse)
 

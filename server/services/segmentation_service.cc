@@ -16,6 +16,7 @@
 #include "server/api/segment_request.h"
 #include "server/rpc/stream.h"
 #include "server/rpc/stream_registry.h"
+#include "server/services/correct_segment.h"
 #include "server/services/segment_answer.h"
 
 namespace pepeseg {
@@ -193,6 +194,12 @@ absl::Status SegmentationServiceRpc::FindSegments(const UnaryCall& call,
                                                   const v1::FindSegmentsRequest& request,
                                                   v1::FindSegmentsResponse* response) const {
   return finds_.Find(call, request, response);
+}
+
+absl::Status SegmentationServiceRpc::CorrectSegment(const UnaryCall& call,
+                                                    const v1::CorrectSegmentRequest& request,
+                                                    v1::CorrectSegmentResponse* response) const {
+  return AnswerCorrectSegment(call, models_, request, response);
 }
 
 grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(

@@ -10,7 +10,7 @@
 namespace pepeseg {
 
 // Segments models in memory. Each call is answered on a thread of the pool for its kind of work:
-// `evaluation` where computing takes minutes, else `query`.
+// `evaluation` where computing takes minutes, `correction` where it trains, else `query`.
 class SegmentationServiceRpc final : public v1::SegmentationService::CallbackService {
  public:
   // All must outlive it.
@@ -25,6 +25,7 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
   PEPESEG_UNARY(ProposeScales, v1::ProposeScalesRequest, v1::ProposeScalesResponse)
   PEPESEG_UNARY(DecomposeModel, v1::DecomposeModelRequest, v1::DecomposeModelResponse)
   PEPESEG_UNARY(FindSegments, v1::FindSegmentsRequest, v1::FindSegmentsResponse)
+  PEPESEG_UNARY(CorrectSegment, v1::CorrectSegmentRequest, v1::CorrectSegmentResponse)
 
  private:
   const CallRunner& runner_;

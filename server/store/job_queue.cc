@@ -284,14 +284,7 @@ absl::StatusOr<ModelRecord> JobQueue::CommitModel(const std::string& id, int64_t
     // job without a model, which is tried again, or both.
     row.number = TakeNumber(sql, job.scene, "next_model");
     row.create_time = absl::Now();
-    const int64_t now = ToMicros(row.create_time);
-    sql << "INSERT INTO models (scene, number, job, device, folder, metrics, sources, "
-           "num_gaussians,"
-           " num_bytes, create_time) VALUES (:scene, :number, :job, :device, :folder, :metrics, "
-           ":sources, :count, :bytes, :now)",
-        soci::use(row.scene.id), soci::use(row.number), soci::use(row.job), soci::use(row.device),
-        soci::use(row.folder), soci::use(row.metrics), soci::use(row.sources),
-        soci::use(row.num_gaussians), soci::use(row.num_bytes), soci::use(now);
+    InsertModel(sql, row);
     job.state = JobState::kSucceeded;
     job.model = row.number;
     job.end_time = row.create_time;

@@ -26,6 +26,8 @@
 //   scratch/                  decoded images on their way to a client; unlinked once opened
 //   datasets/SCENE/N.json     manifest of a sealed dataset
 //   selections/SCENE/N        members of a selection (core/model_files/model_file.h)
+//   models/SCENE/N/           a corrected model; files that the correction leaves as they are have
+//                             further names here (hard links)
 //   jobs/JOB/...              job folders (server/worker_protocol/job_folder.h)
 namespace pepeseg {
 
@@ -131,6 +133,15 @@ inline std::filesystem::path DatasetManifestPath(const std::filesystem::path& da
 // Returns a path relative to the data directory.
 inline std::filesystem::path SelectionFolder(const SceneRef& scene) {
   return std::filesystem::path("selections") / std::to_string(scene.id);
+}
+
+inline std::filesystem::path CorrectedModelsFolder(const std::filesystem::path& data) {
+  return data / "models";
+}
+
+// Returns a path relative to the data directory.
+inline std::filesystem::path CorrectedFolder(const SceneRef& scene) {
+  return std::filesystem::path("models") / std::to_string(scene.id);
 }
 
 }  // namespace pepeseg

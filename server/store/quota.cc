@@ -135,8 +135,8 @@ absl::Status CheckQueueQuota(soci::session& sql, const std::string& project,
   return CheckOne("queued_jobs", CountJobs(sql, project, kQueued), quota.queued_jobs);
 }
 
-absl::Status CheckSelectionQuota(soci::session& sql, const std::string& project,
-                                 const Quota& defaults) {
+absl::Status CheckStoredBytes(soci::session& sql, const std::string& project,
+                              const Quota& defaults) {
   const Quota quota = SelectInForce(sql, project, defaults);
   if (quota.stored_bytes == 0) return absl::OkStatus();
   return CheckOne("stored_bytes", SumStoredBytes(sql, project), quota.stored_bytes);

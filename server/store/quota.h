@@ -42,8 +42,8 @@ Quota SelectUsage(soci::session& sql, const std::string& project);
 absl::Status CheckUploadQuotas(soci::session& sql, const std::string& project,
                                const Quota& defaults);
 // Checks stored_bytes.
-absl::Status CheckSelectionQuota(soci::session& sql, const std::string& project,
-                                 const Quota& defaults);
+absl::Status CheckStoredBytes(soci::session& sql, const std::string& project,
+                              const Quota& defaults);
 // Checks queued_jobs, and that at least one of stored_bytes is left for the model.
 absl::Status CheckQueueQuota(soci::session& sql, const std::string& project, const Quota& defaults);
 

@@ -124,7 +124,8 @@ struct JobRecord {
   std::string traceparent;  // W3C trace of the call that created it; empty in old records
 };
 
-// The immutable result of a job; the one with the highest number is the scene's live model.
+// The immutable result of a job or of a correction. The scene's live model is the newest one, or
+// the one that ModelStore::SetLiveModel has named since.
 struct ModelRecord {
   SceneRef scene;
   int64_t number = 0;  // from 1, never reused
@@ -135,7 +136,8 @@ struct ModelRecord {
   std::string metrics;  // JSON object of numbers: Model::metrics
   std::string sources;  // JSON object of strings: JobResult::sources; empty in old records
   int64_t num_gaussians = 0;
-  int64_t num_bytes = 0;  // on disk
+  int64_t num_bytes = 0;       // on disk
+  int64_t corrected_from = 0;  // number of the model that was corrected to make it; 0: none
   absl::Time create_time;
 };
 

@@ -136,6 +136,8 @@ CREATE INDEX job_queue ON jobs (state, number);
 CREATE TABLE job_numbers (next_job BIGINT NOT NULL);
 INSERT INTO job_numbers (next_job) VALUES (1);
 
+-- live_order: the model with the highest one is live. corrected_from: number of the model that was
+-- corrected to make this one, which may have been deleted; 0: none.
 CREATE TABLE models (
   scene BIGINT NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
   number BIGINT NOT NULL,
@@ -147,6 +149,8 @@ CREATE TABLE models (
   num_gaussians BIGINT NOT NULL,
   num_bytes BIGINT NOT NULL,
   create_time BIGINT NOT NULL,
+  live_order BIGINT NOT NULL,
+  corrected_from BIGINT NOT NULL DEFAULT 0,
   PRIMARY KEY (scene, number)
 );
 

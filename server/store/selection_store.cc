@@ -95,7 +95,7 @@ absl::StatusOr<SelectionRecord> InsertSelection(soci::session& sql,
       soci::use(row.max[2]), soci::use(row.base), soci::use(row.file), soci::use(row.num_bytes),
       soci::use(row.request_id), soci::use(row.request_digest), soci::use(now);
   // After the insertion, so that the selection counts. An error rolls it back.
-  RETURN_IF_ERROR(CheckSelectionQuota(sql, row.scene.project, defaults));
+  RETURN_IF_ERROR(CheckStoredBytes(sql, row.scene.project, defaults));
   return row;
 }
 

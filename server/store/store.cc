@@ -13,7 +13,7 @@ Store::Store(std::unique_ptr<Database> database, Holder holder)
       files_(*database_),
       jobs_(*database_, default_quota_),
       queue_(*database_, holder_, default_quota_),
-      models_(*database_),
+      models_(*database_, default_quota_),
       labels_(*database_),
       selections_(*database_, default_quota_),
       keys_(*database_),

@@ -28,6 +28,8 @@ absl::Status CheckScene(soci::session& sql, const SceneRef& scene);
 absl::StatusOr<DatasetRecord> SelectDataset(soci::session& sql, const SceneRef& scene,
                                             int64_t number);
 absl::StatusOr<ModelRecord> SelectModel(soci::session& sql, const SceneRef& scene, int64_t number);
+// Inserts a model, which becomes the live one of its scene.
+void InsertModel(soci::session& sql, const ModelRecord& row);
 absl::StatusOr<JobRecord> SelectJob(soci::session& sql, const std::string& id);
 // Returns up to `limit` jobs. `where_order`: the query after WHERE, with one placeholder for `key`.
 std::vector<JobRecord> SelectJobs(soci::session& sql, const std::string& where_order, int64_t key,

@@ -123,6 +123,18 @@ grep -q '"num_gaussians":' "$work/output" || fail 'selections prints no JSON'
 expect 0 pepeseg find shelf cup --export "$work/found"
 [[ $(head -c 3 "$work/found/found_1.ply") == ply ]] || fail 'find writes no PLY'
 
+expect 0 pepeseg correct shelf --mask "frame-000000.jpg=$work/masks/frame-000000_mask.png"
+grep -q '^scenes/shelf/models/2  corrected from scenes/shelf/models/1' "$work/output" ||
+  fail 'correct makes no model'
+grep -q 'undo: pepeseg models shelf 1 --live' "$work/errors" || fail 'correct does not say how to undo'
+expect 0 pepeseg models shelf 2
+grep -q 'corrected from scenes/shelf/models/1' "$work/output" || fail 'a model hides its origin'
+expect 0 pepeseg models shelf 1 --live
+grep -q 'scenes/shelf/models/1$' "$work/output" || fail 'the former model is not live again'
+expect 0 pepeseg models shelf 2 --delete
+expect 4 pepeseg correct shelf --mask "frame-000000.jpg"
+expect 4 pepeseg correct shelf --mask "nothing.jpg=$work/masks/frame-000000_mask.png"
+
 expect 0 pepeseg render shelf --views frame-000003.jpg --out "$work"
 [[ -s $work/frame-000003.png ]] || fail 'render writes no picture'
 expect 0 pepeseg render shelf --views frame-000003.jpg --content depth --out "$work/depth"

@@ -39,13 +39,13 @@ std::string NameFor(const MethodDescriptor& method, const std::string& path,
       {"header.upload", "/uploads/1"},
       {"scene", ""}};
   static const std::map<std::string, std::string> kByMethod = {
-      {"ListViews", "/models/1"},          {"GetModel", "/models/1"},
-      {"GetPhotograph", "/datasets/1"},    {"DeleteModel", "/models/1"},
-      {"GetUpload", "/uploads/1"},         {"SealUpload", "/uploads/1"},
-      {"DeleteUpload", "/uploads/1"},      {"GetDataset", "/datasets/1"},
-      {"GetLabel", "/labels/red"},         {"DeleteLabel", "/labels/red"},
-      {"UndoSelection", "/selections/1"},  {"GetSelection", "/selections/1"},
-      {"DeleteSelection", "/selections/1"}};
+      {"ListViews", "/models/1"},        {"GetModel", "/models/1"},
+      {"GetPhotograph", "/datasets/1"},  {"DeleteModel", "/models/1"},
+      {"SetLiveModel", "/models/1"},     {"GetUpload", "/uploads/1"},
+      {"SealUpload", "/uploads/1"},      {"DeleteUpload", "/uploads/1"},
+      {"GetDataset", "/datasets/1"},     {"GetLabel", "/labels/red"},
+      {"DeleteLabel", "/labels/red"},    {"UndoSelection", "/selections/1"},
+      {"GetSelection", "/selections/1"}, {"DeleteSelection", "/selections/1"}};
   if (const auto it = kByField.find(path); it != kByField.end()) return of_scene + it->second;
   const auto it = kByMethod.find(method.name());
   return it == kByMethod.end() ? of_scene : of_scene + it->second;

@@ -85,6 +85,19 @@ TEST_F(CollectorTest, RemovesDamagedBlobsADayAfterTheyWereSetAside) {
   EXPECT_FALSE(fs::exists(old));
 }
 
+TEST_F(CollectorTest, RemovesCorrectedModelsWithoutARecordAfterADay) {
+  MakeModel();
+  const fs::path kept = data / "models/1/1", young = data / "models/1/2", old = data / "models/1/3";
+  for (const fs::path& model : {kept, young, old}) Write(model / "features.bin", absl::Hours(30));
+  const auto yesterday = fs::file_time_type::clock::now() - std::chrono::hours(25);
+  fs::last_write_time(kept, yesterday);
+  fs::last_write_time(old, yesterday);
+  EXPECT_EQ(Run().num_files, 1);
+  EXPECT_TRUE(fs::exists(kept)) << "a model has this number";
+  EXPECT_TRUE(fs::exists(young));
+  EXPECT_FALSE(fs::exists(old));
+}
+
 TEST_F(CollectorTest, RemovesUnnamedBlobsAfterADay) {
   Upload("a", 1, true);
   Upload("a", 2);

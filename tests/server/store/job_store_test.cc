@@ -122,6 +122,55 @@ TEST_F(StoreTest, NewestModelIsLiveAndNumbersAreNotReused) {
   EXPECT_EQ(store_->queue().CommitModel(job->id, 1, {})->number, 4);
 }
 
+TEST_F(StoreTest, MakesAnOlderModelLiveUntilTheNextOneIsMade) {
+  MakeTrainable("a");
+  const auto live = [&] { return store_->models().GetLiveModel(SceneOf(*store_, "a"))->number; };
+  const auto train = [&] {
+    const auto job = Train("a");
+    ASSERT_OK(job);
+    ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
+    ASSERT_OK(store_->queue().CommitModel(job->id, 1, {}));
+  };
+  train(), train(), train();
+  ASSERT_OK(store_->models().SetLiveModel(SceneOf(*store_, "a"), 1));
+  EXPECT_EQ(live(), 1);
+  Reopen();
+  EXPECT_EQ(live(), 1);
+  EXPECT_EQ(store_->models().SetLiveModel(SceneOf(*store_, "a"), 9).code(),
+            absl::StatusCode::kNotFound);
+  ASSERT_OK(store_->models().DeleteModel(SceneOf(*store_, "a"), 1));
+  EXPECT_EQ(live(), 3) << "it was live before";
+  ASSERT_OK(store_->models().SetLiveModel(SceneOf(*store_, "a"), 2));
+  train();
+  EXPECT_EQ(live(), 4);
+}
+
+TEST_F(StoreTest, RecordsACorrectedModel) {
+  MakeTrainable("a");
+  ASSERT_OK(Train("a"));
+  ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
+  ModelRecord model;
+  model.metrics = R"({"psnr": 21.5})";
+  ASSERT_OK_AND_ASSIGN(model, store_->queue().CommitModel("j1", 1, model));
+  model.corrected_from = model.number;
+  ASSERT_OK_AND_ASSIGN(model.number, store_->models().TakeModelNumber(SceneOf(*store_, "a")));
+  model.folder = "models/1/2";
+  model.num_bytes = 7;
+  ASSERT_OK(store_->models().CreateCorrected(model));
+  Reopen();
+  ASSERT_OK_AND_ASSIGN(const auto live, store_->models().GetLiveModel(SceneOf(*store_, "a")));
+  EXPECT_EQ(live.number, 2);
+  EXPECT_EQ(live.corrected_from, 1);
+  EXPECT_EQ(live.folder, "models/1/2");
+  EXPECT_EQ(live.metrics, model.metrics);
+  EXPECT_EQ(live.job, "j1");
+  EXPECT_EQ(live.dataset, 1);
+  ASSERT_OK(store_->models().DeleteModel(SceneOf(*store_, "a"), 1));
+  model.number = 3;
+  EXPECT_EQ(store_->models().CreateCorrected(model).status().code(), absl::StatusCode::kNotFound)
+      << "the model that it was corrected from is gone";
+}
+
 TEST_F(StoreTest, EndsAJobWithItsReason) {
   MakeTrainable("a");
   ASSERT_OK(Train("a"));

@@ -71,6 +71,24 @@ TEST_F(StoreQuotas, CountsBytesOncePerDigestFromTheirDeclarationOn) {
   EXPECT_OK(Upload("x", {{"1", 1, 1000, "d1", false}})) << "another project";
 }
 
+TEST_F(StoreQuotas, CountsCorrectedModelsAndKeepsNoneThatIsTooLarge) {
+  ASSERT_OK(Train("a"));
+  const auto job = store->queue().ClaimJob("cpu");
+  ASSERT_OK(job);
+  ModelRecord model;
+  model.num_bytes = 40;
+  ASSERT_OK_AND_ASSIGN(model, store->queue().CommitModel((*job)->id, 1, model));
+  ASSERT_OK(store->quotas().SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
+  model.corrected_from = model.number;
+  ASSERT_OK_AND_ASSIGN(model.number, store->models().TakeModelNumber(model.scene));
+  model.num_bytes = 58;
+  ExpectQuota(store->models().CreateCorrected(model).status(), "stored_bytes", "101", "100");
+  EXPECT_EQ(store->models().GetLiveModel(model.scene)->number, model.corrected_from);
+  model.num_bytes = 57;
+  ASSERT_OK(store->models().CreateCorrected(model));
+  EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 100);
+}
+
 // Each upload has its own partial file for a digest, whose bytes are checked only at the end.
 TEST_F(StoreQuotas, CountsAMadeUpDigestInEachUpload) {
   ASSERT_OK(store->quotas().SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));

@@ -319,6 +319,9 @@ def make_calls(evaluate):
         "SegmentViews": MODEL + POINT, "ProposeScales": MODEL + POINT, "EvaluateModel": evaluate,
         "StreamSegments": "sequence: 1 segment { " + MODEL + POINT + "}",
         "DecomposeModel": MODEL, "FindSegments": MODEL + 'text: "red"', "CreateSelection": MODEL + POINT,
+        "CorrectSegment": MODEL + 'corrections { view { view: "middle.jpg" } mask { rle { '
+                          'height: 64 width: 96 counts: "00P6" } } }',
+        "SetLiveModel": 'name: "scenes/shelf/models/1"',
         "CreateLabel": scene + 'label_id: "red" label { text: "red" view: "middle.jpg" mask { rle { '
                        'height: 64 width: 96 counts: "00P6" } } }',
         "CombineSelections": 'first: "scenes/shelf/selections/1" second: '

@@ -7,6 +7,7 @@ the right and y down, with a pixel's centre at + 0.5. Masks are bool [height, wi
 from pepeseg import aio
 from pepeseg.cameras import Camera, View
 from pepeseg.client import Client, Selection
+from pepeseg.corrections import CorrectedMask, Correction
 from pepeseg.dataset import Dataset, DatasetFile, FileKind, read_folder
 from pepeseg.enum_words import stage_name, term_name
 from pepeseg.errors import (
@@ -56,6 +57,8 @@ __all__ = [
     "Camera",
     "CancelledError",
     "Client",
+    "CorrectedMask",
+    "Correction",
     "DataLossError",
     "Dataset",
     "DatasetFile",

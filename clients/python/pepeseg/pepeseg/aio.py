@@ -10,7 +10,16 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import grpc
 
-from pepeseg import cameras, errors, evaluation, finding, segmentation, subsets, training
+from pepeseg import (
+    cameras,
+    corrections,
+    errors,
+    evaluation,
+    finding,
+    segmentation,
+    subsets,
+    training,
+)
 from pepeseg import jobs as of_jobs
 from pepeseg import labels as of_labels
 from pepeseg import photographs as of_photographs
@@ -214,6 +223,7 @@ class Client(SceneClient):
     model = awaited(of_scenes.model)
     models = awaited(of_scenes.list_models)
     delete_model = awaited(of_scenes.delete_model)
+    make_live = awaited(of_scenes.make_live)
     views = awaited(cameras.views)
 
     upload = awaited(of_uploads.upload)
@@ -232,6 +242,7 @@ class Client(SceneClient):
     segment = awaited(segmentation.segment)
     propose = awaited(segmentation.propose)
     find = awaited(finding.find)
+    correct = awaited(corrections.correct)
     evaluate = awaited(evaluation.evaluate)
     sam_agreement = awaited(evaluation.sam_agreement)
     decompose = awaited(subsets.decompose)

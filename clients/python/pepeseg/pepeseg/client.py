@@ -8,7 +8,16 @@ import time
 from types import TracebackType
 from typing import Concatenate, ParamSpec, TypeVar
 
-from pepeseg import cameras, errors, evaluation, finding, segmentation, subsets, training
+from pepeseg import (
+    cameras,
+    corrections,
+    errors,
+    evaluation,
+    finding,
+    segmentation,
+    subsets,
+    training,
+)
 from pepeseg import jobs as of_jobs
 from pepeseg import labels as of_labels
 from pepeseg import photographs as of_photographs
@@ -123,6 +132,7 @@ class Client(SceneClient):
     model = blocking(of_scenes.model)
     models = blocking(of_scenes.list_models)
     delete_model = blocking(of_scenes.delete_model)
+    make_live = blocking(of_scenes.make_live)
     views = blocking(cameras.views)
 
     upload = blocking(of_uploads.upload)
@@ -141,6 +151,7 @@ class Client(SceneClient):
     segment = blocking(segmentation.segment)
     propose = blocking(segmentation.propose)
     find = blocking(finding.find)
+    correct = blocking(corrections.correct)
     evaluate = blocking(evaluation.evaluate)
     sam_agreement = blocking(evaluation.sam_agreement)
     decompose = blocking(subsets.decompose)

@@ -61,7 +61,7 @@ def label(
 
     Args:
         id: 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning with a letter or a digit.
-        view: name of a view of the newest model.
+        view: name of a view of the live model.
         what: mask=[height, width] of the frame's size, not 0 inside; or any other prompt, of which
             `Client.segment` makes the mask.
         scale, scale_units, threshold, frame: as in `Client.segment`.
@@ -99,14 +99,14 @@ def label(
 
 
 def get_label(at: Place, id: str, *, frame: str = "photograph") -> Steps[Label]:
-    """Returns a label with its mask, as the newest model's view has it.
+    """Returns a label with its mask, as the live model's view has it.
 
     Args:
         frame: the pixels of the mask, as in `Client.segment`.
 
     Raises:
         NotFoundError: no such label.
-        FailedPreconditionError: the newest model does not have the label's view.
+        FailedPreconditionError: the live model does not have the label's view.
     """
     request = label_service_pb2.GetLabelRequest(
         name=f"{at.scene}/labels/{id}", frame=prompts.pixel_frame(frame)

@@ -16,7 +16,7 @@ class Scene:
     Attributes:
         id: as `Client` takes it.
         display_name: for people.
-        live_model: name of the newest model; empty: none yet.
+        live_model: name of the model that "live" stands for; empty: none yet.
         active_job: name of the queued or running job; empty: none.
     """
 
@@ -39,6 +39,7 @@ class Model:
         device: the device that trained it.
         num_bytes: its size on disk.
         dataset: name of the dataset that it was trained on; empty: not known.
+        corrected_from: name of the model that was corrected to make it; empty: a training made it.
         advice: what may make its masks poor and how to get better ones, for people; `train` and
             `wait` warn of it.
     """
@@ -52,6 +53,7 @@ class Model:
     device: str
     dataset: str = ""
     advice: tuple[str, ...] = ()
+    corrected_from: str = ""
 
 
 def _parse_model(message: scene_service_pb2.Model) -> Model:
@@ -65,6 +67,7 @@ def _parse_model(message: scene_service_pb2.Model) -> Model:
         device=message.device,
         dataset=message.dataset,
         advice=tuple(message.advice),
+        corrected_from=message.corrected_from,
     )
 
 
@@ -137,10 +140,21 @@ def list_models(at: Place) -> Steps[list[Model]]:
 
 
 def delete_model(at: Place) -> Steps[None]:
-    """Deletes the model of this client ("live": the newest one) with its selections.
+    """Deletes the model of this client ("live": the live one) with its selections.
 
     Raises:
         NotFoundError: no such model.
     """
     request = scene_service_pb2.DeleteModelRequest(name=at.model)
     yield Unary("scenes", "DeleteModel", request, at.scene, repeatable=False)
+
+
+def make_live(at: Place) -> Steps[None]:
+    """Makes the model of this client the live one of its scene: undoes a correction, if it is the
+    model that was corrected.
+
+    Raises:
+        NotFoundError: no such model.
+    """
+    request = scene_service_pb2.SetLiveModelRequest(name=at.model)
+    yield Unary("scenes", "SetLiveModel", request, at.scene)

@@ -170,6 +170,37 @@ class TestPropose:
         assert iou(shown.mask, best.mask) > 0.9
 
 
+class TestCorrect:
+    def test_a_mask_teaches_a_new_model_and_is_undone(self, client):
+        before = client.model().name
+        mask = client.segment(VIEW, points=POINT, threshold=0.6).mask
+        mask[: mask.shape[0] // 2] = False
+        mask[300:330, 300:340] = True
+        taught = client.correct({VIEW: mask})
+        try:
+            assert taught.corrected_from == before != taught.model
+            assert client.model().name == taught.model
+            assert client.model().corrected_from == before
+            (score,) = taught.scores
+            assert score.view == VIEW and score.iou_after >= score.iou_before
+            again = client.segment(
+                VIEW, mask=mask, scale=taught.scale, threshold=taught.threshold, targets="held-out"
+            )
+            assert again.model == taught.model
+            client.of("shelf", model=taught.corrected_from).make_live()
+            assert client.model().name == before
+        finally:
+            if taught.model != before:
+                client.of("shelf", model=taught.model).delete_model()
+        assert client.model().name == before
+
+    def test_a_mask_of_another_size_or_view_is_refused(self, client):
+        with pytest.raises(pepeseg.InvalidArgumentError):
+            client.correct({VIEW: np.ones((3, 4), bool)})
+        with pytest.raises(pepeseg.InvalidArgumentError):
+            client.correct({"nothing.jpg": np.ones((480, 640), bool)})
+
+
 class TestRender:
     def test_color_depth_and_ids_have_their_types(self, client):
         color = client.render(VIEW)

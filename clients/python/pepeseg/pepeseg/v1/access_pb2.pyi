@@ -8,6 +8,7 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Optional as _Op
 ACCESS_FIELD_NUMBER: _ClassVar[int]
 DESCRIPTOR: _descriptor.FileDescriptor
 POOL_ADMIN: Pool
+POOL_CORRECTION: Pool
 POOL_EVALUATION: Pool
 POOL_IO: Pool
 POOL_QUERY: Pool

@@ -116,7 +116,7 @@ class ListViewsResponse(_message.Message):
     def __init__(self, views: _Optional[_Iterable[_Union[View, _Mapping]]] = ..., next_page_token: _Optional[str] = ...) -> None: ...
 
 class Model(_message.Message):
-    __slots__ = ["advice", "create_time", "dataset", "device", "job", "metrics", "name", "num_bytes", "num_gaussians", "sources"]
+    __slots__ = ["advice", "corrected_from", "create_time", "dataset", "device", "job", "metrics", "name", "num_bytes", "num_gaussians", "sources"]
     class MetricsEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -125,6 +125,7 @@ class Model(_message.Message):
         value: float
         def __init__(self, key: _Optional[str] = ..., value: _Optional[float] = ...) -> None: ...
     ADVICE_FIELD_NUMBER: _ClassVar[int]
+    CORRECTED_FROM_FIELD_NUMBER: _ClassVar[int]
     CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
     DATASET_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
@@ -135,6 +136,7 @@ class Model(_message.Message):
     NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
     SOURCES_FIELD_NUMBER: _ClassVar[int]
     advice: _containers.RepeatedScalarFieldContainer[str]
+    corrected_from: str
     create_time: _timestamp_pb2.Timestamp
     dataset: str
     device: str
@@ -144,7 +146,7 @@ class Model(_message.Message):
     num_bytes: int
     num_gaussians: int
     sources: InputSources
-    def __init__(self, name: _Optional[str] = ..., job: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., metrics: _Optional[_Mapping[str, float]] = ..., device: _Optional[str] = ..., sources: _Optional[_Union[InputSources, _Mapping]] = ..., advice: _Optional[_Iterable[str]] = ..., dataset: _Optional[str] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., job: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., metrics: _Optional[_Mapping[str, float]] = ..., device: _Optional[str] = ..., sources: _Optional[_Union[InputSources, _Mapping]] = ..., advice: _Optional[_Iterable[str]] = ..., dataset: _Optional[str] = ..., corrected_from: _Optional[str] = ...) -> None: ...
 
 class Scene(_message.Message):
     __slots__ = ["active_job", "create_time", "display_name", "live_model", "name"]
@@ -159,6 +161,12 @@ class Scene(_message.Message):
     live_model: str
     name: str
     def __init__(self, name: _Optional[str] = ..., display_name: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., live_model: _Optional[str] = ..., active_job: _Optional[str] = ...) -> None: ...
+
+class SetLiveModelRequest(_message.Message):
+    __slots__ = ["name"]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class View(_message.Message):
     __slots__ = ["cam_from_world", "camera", "held_out", "photograph_height", "photograph_width", "scores", "view"]

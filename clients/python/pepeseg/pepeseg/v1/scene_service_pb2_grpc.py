@@ -52,6 +52,11 @@ class SceneServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_scene__service__pb2.ListModelsRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_scene__service__pb2.ListModelsResponse.FromString,
                 )
+        self.SetLiveModel = channel.unary_unary(
+                '/pepeseg.v1.SceneService/SetLiveModel',
+                request_serializer=pepeseg_dot_v1_dot_scene__service__pb2.SetLiveModelRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_scene__service__pb2.Scene.FromString,
+                )
         self.DeleteModel = channel.unary_unary(
                 '/pepeseg.v1.SceneService/DeleteModel',
                 request_serializer=pepeseg_dot_v1_dot_scene__service__pb2.DeleteModelRequest.SerializeToString,
@@ -114,9 +119,17 @@ class SceneServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def SetLiveModel(self, request, context):
+        """Makes a model the live one of its scene, such as the former one of a correction that is to be
+        undone, and returns the scene. The other models stay. A model that is made later becomes live.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
     def DeleteModel(self, request, context):
-        """Deletes a model with its selections. The newest remaining model, if there is one, becomes the
-        live one. Queries in progress keep the model until they are answered.
+        """Deletes a model with its selections. If it was the live one, the model that became live last
+        among the remaining ones is live. Queries in progress keep the model until they are answered.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -159,6 +172,11 @@ def add_SceneServiceServicer_to_server(servicer, server):
                     servicer.ListModels,
                     request_deserializer=pepeseg_dot_v1_dot_scene__service__pb2.ListModelsRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_scene__service__pb2.ListModelsResponse.SerializeToString,
+            ),
+            'SetLiveModel': grpc.unary_unary_rpc_method_handler(
+                    servicer.SetLiveModel,
+                    request_deserializer=pepeseg_dot_v1_dot_scene__service__pb2.SetLiveModelRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_scene__service__pb2.Scene.SerializeToString,
             ),
             'DeleteModel': grpc.unary_unary_rpc_method_handler(
                     servicer.DeleteModel,
@@ -293,6 +311,23 @@ class SceneService(object):
         return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SceneService/ListModels',
             pepeseg_dot_v1_dot_scene__service__pb2.ListModelsRequest.SerializeToString,
             pepeseg_dot_v1_dot_scene__service__pb2.ListModelsResponse.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def SetLiveModel(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SceneService/SetLiveModel',
+            pepeseg_dot_v1_dot_scene__service__pb2.SetLiveModelRequest.SerializeToString,
+            pepeseg_dot_v1_dot_scene__service__pb2.Scene.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
 

@@ -12,6 +12,54 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Mapping as _Map
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
+class CorrectSegmentRequest(_message.Message):
+    __slots__ = ["corrections", "frame", "granularity", "model"]
+    class Correction(_message.Message):
+        __slots__ = ["mask", "view"]
+        MASK_FIELD_NUMBER: _ClassVar[int]
+        VIEW_FIELD_NUMBER: _ClassVar[int]
+        mask: _prompt_pb2.MaskImage
+        view: _prompt_pb2.Viewpoint
+        def __init__(self, view: _Optional[_Union[_prompt_pb2.Viewpoint, _Mapping]] = ..., mask: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ...) -> None: ...
+    CORRECTIONS_FIELD_NUMBER: _ClassVar[int]
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    GRANULARITY_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    corrections: _containers.RepeatedCompositeFieldContainer[CorrectSegmentRequest.Correction]
+    frame: _prompt_pb2.PixelFrame
+    granularity: _prompt_pb2.Granularity
+    model: str
+    def __init__(self, model: _Optional[str] = ..., corrections: _Optional[_Iterable[_Union[CorrectSegmentRequest.Correction, _Mapping]]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ...) -> None: ...
+
+class CorrectSegmentResponse(_message.Message):
+    __slots__ = ["corrected_from", "model", "num_changed", "scale_quantile", "scale_units", "scores", "threshold", "timing"]
+    class Score(_message.Message):
+        __slots__ = ["iou_after", "iou_before", "view"]
+        IOU_AFTER_FIELD_NUMBER: _ClassVar[int]
+        IOU_BEFORE_FIELD_NUMBER: _ClassVar[int]
+        VIEW_FIELD_NUMBER: _ClassVar[int]
+        iou_after: float
+        iou_before: float
+        view: str
+        def __init__(self, view: _Optional[str] = ..., iou_before: _Optional[float] = ..., iou_after: _Optional[float] = ...) -> None: ...
+    CORRECTED_FROM_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    NUM_CHANGED_FIELD_NUMBER: _ClassVar[int]
+    SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]
+    SCALE_UNITS_FIELD_NUMBER: _ClassVar[int]
+    SCORES_FIELD_NUMBER: _ClassVar[int]
+    THRESHOLD_FIELD_NUMBER: _ClassVar[int]
+    TIMING_FIELD_NUMBER: _ClassVar[int]
+    corrected_from: str
+    model: str
+    num_changed: int
+    scale_quantile: float
+    scale_units: float
+    scores: _containers.RepeatedCompositeFieldContainer[CorrectSegmentResponse.Score]
+    threshold: float
+    timing: _timing_pb2.QueryTiming
+    def __init__(self, model: _Optional[str] = ..., corrected_from: _Optional[str] = ..., scores: _Optional[_Iterable[_Union[CorrectSegmentResponse.Score, _Mapping]]] = ..., scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., threshold: _Optional[float] = ..., num_changed: _Optional[int] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ...) -> None: ...
+
 class ProposeScalesRequest(_message.Message):
     __slots__ = ["frame", "mask_encoding", "max_proposals", "model", "prompt", "refine_borders"]
     FRAME_FIELD_NUMBER: _ClassVar[int]

@@ -46,6 +46,11 @@ class SegmentationServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_find__pb2.FindSegmentsRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_find__pb2.FindSegmentsResponse.FromString,
                 )
+        self.CorrectSegment = channel.unary_unary(
+                '/pepeseg.v1.SegmentationService/CorrectSegment',
+                request_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.CorrectSegmentRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.CorrectSegmentResponse.FromString,
+                )
 
 
 class SegmentationServiceServicer(object):
@@ -102,6 +107,21 @@ class SegmentationServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def CorrectSegment(self, request, context):
+        """Teaches a model what one thing is: trains its features for a moment, so that the thing is found
+        as the masks show it, in other views and by clicks, too. The Gaussians stay. The result is a new
+        model of the scene, which becomes the live one; SceneService.SetLiveModel with the former model
+        undoes that. Selections stay with the former model. A call that is repeated makes another model.
+
+        INVALID_ARGUMENT: a view is unknown or is named twice, a mask is empty, shows nothing with a
+        feature or leaves nothing outside, or two masks contradict each other: each shows another thing.
+        FAILED_PRECONDITION: the model has no features. RESOURCE_EXHAUSTED (QUOTA): the project has no
+        space for the model. Corrections run one at a time. UNAVAILABLE: too many are waiting.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
 
 def add_SegmentationServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
@@ -129,6 +149,11 @@ def add_SegmentationServiceServicer_to_server(servicer, server):
                     servicer.FindSegments,
                     request_deserializer=pepeseg_dot_v1_dot_find__pb2.FindSegmentsRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_find__pb2.FindSegmentsResponse.SerializeToString,
+            ),
+            'CorrectSegment': grpc.unary_unary_rpc_method_handler(
+                    servicer.CorrectSegment,
+                    request_deserializer=pepeseg_dot_v1_dot_segmentation__service__pb2.CorrectSegmentRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_segmentation__service__pb2.CorrectSegmentResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -227,5 +252,22 @@ class SegmentationService(object):
         return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/FindSegments',
             pepeseg_dot_v1_dot_find__pb2.FindSegmentsRequest.SerializeToString,
             pepeseg_dot_v1_dot_find__pb2.FindSegmentsResponse.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def CorrectSegment(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.SegmentationService/CorrectSegment',
+            pepeseg_dot_v1_dot_segmentation__service__pb2.CorrectSegmentRequest.SerializeToString,
+            pepeseg_dot_v1_dot_segmentation__service__pb2.CorrectSegmentResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)

@@ -54,6 +54,7 @@ class ServerStatus(_message.Message):
     START_TIME_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
     WORK_BORDER: ServerStatus.Work
+    WORK_CORRECTION: ServerStatus.Work
     WORK_EVALUATION: ServerStatus.Work
     WORK_IO: ServerStatus.Work
     WORK_QUERY: ServerStatus.Work
