@@ -13,6 +13,7 @@
 #include "clients/benchmark/suite_run.h"
 #include "clients/benchmark/suite_scene.h"
 #include "clients/benchmark/suite_table.h"
+#include "clients/benchmark/suite_text.h"
 #include "clients/benchmark/suite_variants.h"
 #include "clients/benchmark/verbs.h"
 #include "clients/cpp/client.h"
@@ -66,8 +67,9 @@ class BenchmarkSession {
   BenchmarkSession(const Shell& shell, const BenchmarkFlags& flags, RunRecord record)
       : shell_(shell), flags_(flags), client_(shell.channel), record_(std::move(record)) {
     plan_.benchmark = BenchmarkOf(flags.benchmark);
-    plan_.protocol =
-        flags.protocol.empty() ? ProtocolOf(plan_.benchmark) : ProtocolsByName().at(flags.protocol);
+    plan_.by_text = flags.protocol == kTextProtocol;
+    plan_.protocol = flags.protocol.empty() || plan_.by_text ? ProtocolOf(plan_.benchmark)
+                                                             : ProtocolsByName().at(flags.protocol);
     plan_.settings = {"preset=" + flags.preset};
     plan_.settings.insert(plan_.settings.end(), flags.settings.begin(), flags.settings.end());
     plan_.refine_borders = flags.refine_borders;
@@ -82,7 +84,7 @@ class BenchmarkSession {
       run.benchmark = flags_.benchmark;
       run.scene = scene.name;
       run.variant = variant.name;
-      run.protocol = ProtocolName(plan_.protocol);
+      run.protocol = plan_.by_text ? kTextProtocol : ProtocolName(plan_.protocol);
       run.seed = seed;
       run.options = absl::StrJoin(plan_.settings, ", ");
       if (!plan_.refine_borders) run.options += ", no refine_borders";
@@ -126,7 +128,7 @@ class BenchmarkSession {
     }
     for (const std::string& line : TextTable(SceneTable(runs))) Print(line);
     for (const std::string& line : TextTable(published)) Print(line);
-    const std::string caveat = PublishedCaveat(plan_.benchmark);
+    const std::string caveat = PublishedCaveat(plan_.benchmark, runs);
     if (!caveat.empty()) Print(caveat);
     return absl::OkStatus();
   }
@@ -155,6 +157,10 @@ class BenchmarkSession {
 };
 
 absl::Status RunBenchmark(const Shell& shell, const BenchmarkFlags& flags) {
+  if (flags.protocol == kTextProtocol && BenchmarkOf(flags.benchmark) != Benchmark::kLerfMask) {
+    return absl::InvalidArgumentError(
+        "--protocol text is for lerf-mask, whose entities have names");
+  }
   ASSIGN_OR_RETURN(const std::vector<BenchmarkScene> scenes,
                    FindScenes(BenchmarkOf(flags.benchmark), flags.folder, flags.search));
   ASSIGN_OR_RETURN(RunRecord record, RunRecord::Open(fs::path(flags.out) / "record.jsonl"));
@@ -175,9 +181,9 @@ void AddRunFlags(CLI::App& verb, BenchmarkFlags& flags) {
       ->capture_default_str();
   verb.add_option("--protocol", flags.protocol,
                   "Protocol instead of the benchmark's own: prompt, label-propagation, "
-                  "label-propagation-pixels or promptable")
-      ->check(
-          CLI::IsMember({"prompt", "label-propagation", "label-propagation-pixels", "promptable"}));
+                  "label-propagation-pixels, promptable or, of lerf-mask, text")
+      ->check(CLI::IsMember({"prompt", "label-propagation", "label-propagation-pixels",
+                             "promptable", kTextProtocol}));
   verb.add_flag("--ablation", flags.ablation,
                 "Train without parts of the method, and with other k, tau and T");
   verb.add_flag("--robustness", flags.robustness,

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "clients/benchmark/evaluation_truth.h"
 #include "clients/benchmark/suite_request.h"
+#include "clients/benchmark/suite_text.h"
 #include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 #include "clients/terminal/picture.h"
@@ -181,6 +182,12 @@ absl::Status ScoreScene(const Client& client, const BenchmarkPlan& plan,
                         const std::vector<v1::View>& views, ScoredRun& run) {
   if (plan.benchmark == Benchmark::kScene) {
     return ScoreOwnScene(client, plan, scene, model, views, run);
+  }
+  if (plan.by_text) {
+    ASSIGN_OR_RETURN(LevelScores scores,
+                     ScoreByText(client, scene, model, views, plan.refine_borders));
+    run.levels.push_back(std::move(scores));
+    return absl::OkStatus();
   }
   ASSIGN_OR_RETURN(v1::EvaluateModelRequest request,
                    ScoreRequest(plan.benchmark, scene, plan.protocol, views));

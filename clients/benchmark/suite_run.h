@@ -16,6 +16,7 @@ namespace pepeseg::client::cli {
 struct BenchmarkPlan {
   Benchmark benchmark = Benchmark::kScene;
   v1::EvaluationProtocol protocol = v1::EVALUATION_PROTOCOL_UNSPECIFIED;
+  bool by_text = false;  // the prompts of LERF-Mask are the names of its entities, see suite_text.h
   std::vector<std::string> settings;  // NAME=VALUE of all trainings, with the preset
   bool refine_borders = true;         // of the masks that are scored
   bool keep_models = false;           // otherwise a model is deleted when it is scored

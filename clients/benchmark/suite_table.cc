@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "clients/benchmark/evaluation_table.h"
+#include "clients/benchmark/suite_text.h"
 
 namespace pepeseg::client::cli {
 namespace {
@@ -302,8 +303,12 @@ std::vector<TableRow> PublishedTable(Benchmark benchmark, std::span<const Scored
   return rows;
 }
 
-std::string PublishedCaveat(Benchmark benchmark) {
+std::string PublishedCaveat(Benchmark benchmark, std::span<const ScoredRun> runs) {
   if (benchmark != Benchmark::kLerfMask) return "";
+  if (!runs.empty() && runs[0].protocol == kTextProtocol) {
+    return "The prompt of pepeseg is the name of the entity, which the server's sources of words "
+           "answer; an entity that they do not find counts as 0.";
+  }
   return "The prompt of pepeseg is the true mask of the first test view that shows the entity, an "
          "easier prompt than the text of the published rows.";
 }
@@ -349,7 +354,7 @@ std::string ReportMarkdown(Benchmark benchmark, std::span<const ScoredRun> runs)
                   "\n\\* The scale was chosen on the truth of the scored views. Published numbers "
                   "are those of the papers, not measured here. A number is in bold if it is the "
                   "best of all and used no scored truth.\n");
-  const std::string caveat = PublishedCaveat(benchmark);
+  const std::string caveat = PublishedCaveat(benchmark, runs);
   if (!caveat.empty()) absl::StrAppend(&text, "\n", caveat, "\n");
   return text;
 }

@@ -34,9 +34,10 @@ std::vector<TableRow> SceneTable(std::span<const ScoredRun> runs);
 // paper* used the scored truth. Empty: nothing is published.
 std::vector<TableRow> PublishedTable(Benchmark benchmark, std::span<const ScoredRun> runs);
 
-// Returns a sentence on what makes our rows of PublishedTable easier than the published ones;
-// empty: nothing that is known.
-std::string PublishedCaveat(Benchmark benchmark);
+// Returns a sentence on what makes the rows of these runs in PublishedTable other than the
+// published ones, such as an easier prompt; empty: nothing that is known. The runs have one
+// protocol.
+std::string PublishedCaveat(Benchmark benchmark, std::span<const ScoredRun> runs);
 
 // Returns tables as files have them.
 std::string Markdown(const std::vector<TableRow>& rows);

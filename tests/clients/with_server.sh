@@ -1,5 +1,6 @@
 # To be sourced by a script that runs the real programs, with their folder in $programs. Starts
-# pepesegd, and stops it when the script ends. Sets $work, a folder that is removed then, and
+# pepesegd, with the flags of the array $server_flags if there is one, and stops it when the script
+# ends. Sets $work, a folder that is removed then, and
 # PEPESEG_SERVER, and defines fail, pepeseg, pepeseg-benchmark and expect.
 # shellcheck shell=bash
 : "${programs:?the folder of the programs}"
@@ -15,7 +16,7 @@ touch "$work/output" "$work/errors"
 fail() { echo "FAILED: $*" >&2; cat "$work/output" "$work/errors" "$work/server.log" >&2; exit 1; }
 
 "$programs/pepesegd" --listen 127.0.0.1:0 --sam off --data "$work/data" --port-file "$work/port" \
-  >"$work/server.log" 2>&1 &
+  ${server_flags[@]+"${server_flags[@]}"} >"$work/server.log" 2>&1 &
 server=$!
 for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done
 [[ -s $work/port ]] || fail 'the server does not start'

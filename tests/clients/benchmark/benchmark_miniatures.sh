@@ -4,6 +4,9 @@
 #   benchmark_miniatures.sh FOLDER_OF_PROGRAMS WRITE_MINIATURES
 set -euo pipefail
 programs=$1 write=$2
+here=$(cd "$(dirname "$0")" && pwd)
+# shellcheck disable=SC2034  # of with_server.sh
+server_flags=(--text-command "$here/find_colour.py" --sandbox-read "$here")
 # shellcheck source=tests/clients/with_server.sh
 source "$(dirname "$0")/../with_server.sh"
 
@@ -82,6 +85,22 @@ import json, sys
 refined, plain = [json.loads(line)["levels"] for line in open(sys.argv[1])]
 assert plain != refined
 PYTHON
+# By text: the fake text command finds the red box, and nothing green.
+benchmark lerf-mask lerf-mask --protocol text
+python3 - "$work/out/lerf-mask/table.json" <<'PYTHON' || fail 'scores by text'
+import json, sys
+level = json.load(open(sys.argv[1]))[0]["levels"][0]
+ious = {entity["name"]: entity["automatic"] for entity in level["entities"]}
+assert ious["green ball"] == 0 and ious["red box"] > 0.4, ious
+assert abs(level["automatic"]["iou"] - ious["red box"] / 2) < 1e-9, level
+assert not level["paper"]["known"] and not level["reference"]["known"], level
+PYTHON
+grep -q '^Protocol text; ' "$work/out/lerf-mask/table.md" || fail 'no table of the text protocol'
+grep -q 'that they do not find counts as 0' "$work/out/lerf-mask/table.md" || fail 'no caveat'
+expect 4 pepeseg-benchmark suite nvos "$work/folders/nvos" --protocol text
+
+mv "$work/out/lerf-mask/record.jsonl" "$work/by_text.jsonl"
+benchmark lerf-mask lerf-mask
 benchmark lerf-mask lerf-mask --seeds 2
 [[ $(wc -l <"$work/out/lerf-mask/record.jsonl") == 2 ]] || fail 'the second seed is not recorded'
 grep -q ' +- ' "$work/out/lerf-mask/table.md" || fail 'no spread'

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <fstream>
 
+#include "clients/benchmark/suite_text.h"
 #include "clients/benchmark/suite_variants.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -107,15 +108,41 @@ TEST(PublishedTable, LeavesOutVariants) {
 
 TEST(PublishedCaveat, SaysThatTheTrueMaskIsAnEasierPromptThanText) {
   const std::vector<ScoredRun> runs = {MakeRun("figurines", 1, 0.80, 0.85)};
-  const std::string caveat = PublishedCaveat(Benchmark::kLerfMask);
+  const std::string caveat = PublishedCaveat(Benchmark::kLerfMask, runs);
   EXPECT_THAT(caveat, AllOf(HasSubstr("true mask of the first test view"),
                             HasSubstr("easier prompt than the text of the published rows")));
   EXPECT_THAT(ReportMarkdown(Benchmark::kLerfMask, runs), HasSubstr(caveat));
   for (const Benchmark masked :
        {Benchmark::kSpinNerf, Benchmark::kNvos, Benchmark::kLerfMaskFine, Benchmark::kScene}) {
-    EXPECT_EQ(PublishedCaveat(masked), "") << NameOf(masked);
+    EXPECT_EQ(PublishedCaveat(masked, runs), "") << NameOf(masked);
     EXPECT_THAT(ReportMarkdown(masked, runs), Not(HasSubstr("easier")));
   }
+}
+
+TEST(PublishedCaveat, SaysThatTheTextIsThePrompt) {
+  std::vector<ScoredRun> runs = {MakeRun("figurines", 1, 0.80, 0.85)};
+  runs[0].protocol = kTextProtocol;
+  EXPECT_THAT(PublishedCaveat(Benchmark::kLerfMask, runs),
+              AllOf(HasSubstr("the name of the entity"), HasSubstr("counts as 0")));
+}
+
+TEST(CountMissing, CountsThemAsZero) {
+  LevelScores scores;
+  scores.num_entities = 1;
+  scores.automatic = {true, 0.8, 0.9, 0.6};
+  scores.entities = {{"mug", -1, -1, 0.8}};
+  CountMissing({"red apple"}, scores);
+  EXPECT_EQ(scores.num_entities, 2);
+  EXPECT_EQ(scores.automatic.iou, 0.4);
+  EXPECT_EQ(scores.automatic.accuracy, 0.45);
+  EXPECT_EQ(scores.automatic.boundary_iou, 0.3);
+  ASSERT_EQ(scores.entities.size(), 2u);
+  EXPECT_EQ(scores.entities[1].name, "red apple");
+  EXPECT_EQ(scores.entities[1].automatic, 0);
+  LevelScores none;
+  CountMissing({"a", "b"}, none);
+  EXPECT_TRUE(none.automatic.known);
+  EXPECT_EQ(none.automatic.iou, 0);
 }
 
 TEST(Csv, QuotesCellsWithCommasAndQuotes) {
