@@ -142,9 +142,11 @@ std::vector<TableRow> FoundRows(const v1::FindSegmentsResponse& answer) {
   for (int i = 0; i < answer.found_size(); ++i) {
     const FoundThing& found = answer.found(i);
     const v1::Vector3 &min = found.box().min(), &max = found.box().max();
-    const std::string segment =
-        found.has_segment() ? absl::StrCat(found.segment().level(), ":", found.segment().id())
-                            : found.label();
+    const v1::SegmentRef& ref = found.segment();
+    const bool is_piece = ref.scales_size() > 0 && ref.scales(0) == 0 && ref.level() == 0;
+    const std::string segment = !found.has_segment() ? found.label()
+                                : is_piece           ? absl::StrCat("piece ", ref.id())
+                                                     : absl::StrCat(ref.level(), ":", ref.id());
     std::vector<std::string> views;
     for (const auto& seen : found.appearances()) {
       if (views.size() < kMostViews) views.push_back(seen.view());

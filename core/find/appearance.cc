@@ -20,7 +20,8 @@ constexpr int kMinPixels = 4;       // of a view's grid that make it count
 constexpr int64_t kMinSeen = 20;    // pixels of all grids that make a segment count
 constexpr float kShrinkage = 0.3f;  // of the variances between views, towards their mean
 constexpr double kExtentWeight = 0.5, kColorWeight = 1;
-constexpr double kMostExtents = 2;  // difference of the logarithms that counts
+constexpr double kMostExtents = 2;        // difference of the logarithms that counts
+constexpr double kDifferenceScale = 0.5;  // difference with a score of 1 / e
 
 using ConstRows =
     Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
@@ -180,15 +181,23 @@ std::vector<double> Appearance::ScoresLike(const LookedFor& looked_for) const {
       all * Eigen::Map<const VectorXf>(unit.data(), static_cast<int64_t>(channels_));
   std::vector<double> scores(count);
   for (size_t s = 0; s < count; ++s) {
-    double score = cosines[static_cast<int64_t>(s)];
+    const auto row = static_cast<int64_t>(s);
+    if (all.row(row).isZero()) continue;  // hardly seen
+    double difference = 1.0 - std::min(cosines[row], 1.0f);
     if (looked_for.segment >= 0) {
       const size_t with = static_cast<size_t>(looked_for.segment);
-      score -= kExtentWeight * ExtentDifference(log_extents_[s], log_extents_[with]) +
-               kColorWeight * Distance(colors_[s], colors_[with]);
+      difference += kExtentWeight * ExtentDifference(log_extents_[s], log_extents_[with]) +
+                    kColorWeight * Distance(colors_[s], colors_[with]);
     }
-    scores[s] = std::clamp(score, 0.0, 1.0);
+    scores[s] = std::exp(-difference / kDifferenceScale);
   }
   return scores;
+}
+
+int64_t Appearance::Bytes() const {
+  const size_t floats =
+      mean_.size() + whitening_.size() + units_.size() + 3 * (log_extents_.size() + colors_.size());
+  return static_cast<int64_t>(floats * sizeof(float));
 }
 
 std::vector<float> MeanFeatures(const ImageFeatures& features, std::span<const uint8_t> inside) {

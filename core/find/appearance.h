@@ -31,10 +31,13 @@ class Appearance {
   static absl::StatusOr<Appearance> Look(const SceneModel& model, const SceneSegments& all,
                                          ImageEncoder& encoder, const WantedCheck& check);
 
-  // Returns how alike each segment is to what is looked for, [segments] in [0, 1]: the cosine of
-  // the whitened features, less half the mean difference of the logarithms of the extents if a
-  // segment is looked for. 0: a segment that hardly any view shows.
+  // Returns how alike each segment is to what is looked for, [segments] in [0, 1]: e^(-2 d), where
+  // d is 1 less the cosine of the whitened features. If a segment is looked for, half the mean
+  // difference of the logarithms of the extents and the distance of the colours are added to d. 0:
+  // a segment that hardly any view shows.
   std::vector<double> ScoresLike(const LookedFor& looked_for) const;
+  // Returns the memory that it takes, bytes.
+  int64_t Bytes() const;
 
  private:
   std::vector<float> Whitened(std::span<const float> mean) const;

@@ -81,7 +81,8 @@ SceneSegments ListSegments(const Decomposition& decomposition, const Gaussians& 
                               segment.min,
                               segment.max,
                               ExtentsOf(gaussians, members[k]),
-                              {}});
+                              {},
+                              decomposition.levels[l].scale == 0});
     }
   }
   return all;
@@ -183,6 +184,15 @@ int64_t SceneSegments::SeenPixels(int32_t segment) const {
   return std::accumulate(
       views.begin(), views.end(), int64_t{0},
       [&](int64_t sum, const SeenView& view) { return sum + view.areas[segment].pixels; });
+}
+
+int64_t SceneSegments::Bytes() const {
+  size_t bytes = segments.size() * sizeof(Segment);
+  for (const SeenView& seen : views) {
+    bytes += seen.areas.size() * sizeof(SeenArea);
+    for (const std::vector<int32_t>& level : seen.shown) bytes += level.size() * sizeof(int32_t);
+  }
+  return static_cast<int64_t>(bytes);
 }
 
 absl::StatusOr<SeenView> SeeView(const SceneModel& model, const Decomposition& decomposition,

@@ -48,6 +48,7 @@ struct SceneSegments {
     // Mean base colour (spherical harmonics of degree 0) of the Gaussians by how much of each the
     // views show, [0, 1]; zeros if they show none.
     std::array<float, 3> color{};
+    bool is_piece = false;  // of the level of scale 0, of which a thing may be several
   };
   std::vector<Segment> segments;
   std::vector<int32_t> first;   // [levels] number of the first segment of each level
@@ -59,6 +60,8 @@ struct SceneSegments {
   double OverlapOf(int32_t a, int32_t b) const;
   // Returns the pixels of all grids that show a segment.
   int64_t SeenPixels(int32_t segment) const;
+  // Returns the memory that they take, bytes.
+  int64_t Bytes() const;
 };
 
 // Returns what a view of any size, such as a free camera, shows of the segments of a decomposition,

@@ -52,19 +52,23 @@ std::vector<double> MaskFits(const Sighting& sighting, const SeenView& view) {
 struct Sighted {
   const SeenView& view;
   std::span<const Sighting> sightings;
+  std::span<const uint8_t> is_piece;           // [segments]
   std::vector<std::vector<double>> mask_fits;  // [sightings]; empty for a box
 
   double FitOf(size_t sighting, size_t segment) const {
     const std::vector<double>& fits = mask_fits[sighting];
-    return fits.empty() ? BoxFit(sightings[sighting], view.areas[segment], view) : fits[segment];
+    if (!fits.empty()) return fits[segment];
+    // The halves of a thing may have boxes that are nearly its own.
+    return is_piece[segment] != 0 ? 0 : BoxFit(sightings[sighting], view.areas[segment], view);
   }
 };
 
 std::vector<Sighted> SightedViews(const SceneSegments& scene,
-                                  std::span<const std::vector<Sighting>> sightings) {
+                                  std::span<const std::vector<Sighting>> sightings,
+                                  std::span<const uint8_t> is_piece) {
   std::vector<Sighted> all;
   for (size_t v = 0; v < scene.views.size(); ++v) {
-    Sighted& sighted = all.emplace_back(Sighted{scene.views[v], sightings[v], {}});
+    Sighted& sighted = all.emplace_back(Sighted{scene.views[v], sightings[v], is_piece, {}});
     for (const Sighting& one : sightings[v]) {
       sighted.mask_fits.push_back(one.mask.pixels.empty() ? std::vector<double>()
                                                           : MaskFits(one, scene.views[v]));
@@ -117,7 +121,11 @@ bool LiesIn(const SceneSegments& scene, int32_t inner, int32_t outer) {
 std::vector<SegmentWord> VoteWords(const SceneSegments& scene,
                                    std::span<const std::vector<Sighting>> sightings,
                                    int num_words) {
-  const std::vector<Sighted> views = SightedViews(scene, sightings);
+  std::vector<uint8_t> is_piece;
+  for (const SceneSegments::Segment& segment : scene.segments) {
+    is_piece.push_back(segment.is_piece ? 1 : 0);
+  }
+  const std::vector<Sighted> views = SightedViews(scene, sightings, is_piece);
   std::vector<SegmentWord> words;
   for (size_t segment = 0; segment < scene.segments.size(); ++segment) {
     const SegmentWord found = WordOf(views, segment, num_words);

@@ -36,8 +36,8 @@ inline constexpr int32_t kSightedPixels = 20;
 // In a view that shows the segment, a word gets the score of its best fitting sighting times the
 // IoU of the two: of their boxes, or of a mask and the segment's pixels. Its score for the segment
 // is the mean over the better half of these views, at least two: the others show the thing half
-// hidden, from behind or cut off. A segment has one word, since a network gives a thing the scores
-// of several words that it might be.
+// hidden, from behind or cut off. A box fits no piece. A segment has one word, since a network
+// gives a thing the scores of several words that it might be.
 //
 // sightings: of each view of the scene, in its order, with words below `num_words`.
 std::vector<SegmentWord> VoteWords(const SceneSegments& scene,

@@ -23,6 +23,9 @@ namespace {
 constexpr double kFinestScale = 0.01;  // largest scale at which pieces are found
 constexpr size_t kMaxPoints = 16'384;  // Gaussians that are clustered
 constexpr HdbscanOptions kPieces = {.min_cluster_size = 8, .min_samples = 3};
+// Splits of one piece: chosen on crowded, desk and bolts (tests/bench/results/all_alike.md).
+constexpr size_t kMaxPiecePoints = 2'048;
+constexpr HdbscanOptions kSplits = {.min_cluster_size = 20, .min_samples = 3};
 constexpr int64_t kMaxViews = 32;          // views that show which Gaussians are visible
 constexpr double kMaxGridPixels = 16'384;  // pixels of each of these views, about
 // A Gaussian whose visible weight is less than this share of the mean was hardly trained. It is not
@@ -30,6 +33,7 @@ constexpr double kMaxGridPixels = 16'384;  // pixels of each of these views, abo
 constexpr double kMinVisible = 0.5;
 constexpr float kMinCosine = 0.5f, kMinUnseenCosine = 0.8f;
 constexpr int32_t kNoPiece = -1;
+constexpr float kApart = -2;  // below any cosine
 
 // Returns the cosine of the means above which two segments are joined at a scale. Training pushes
 // pairs of one object over 0.75. There are few masks of large objects, so their parts are less
@@ -69,15 +73,11 @@ std::vector<uint8_t> SeenEnough(std::span<const float> visible) {
   return seen;
 }
 
-// Returns the features of up to kMaxPoints visible Gaussians, [n, 32]. They are spread evenly over
-// the indices instead of drawn, so that the result does not depend on a seed.
-std::vector<float> PointsToCluster(std::span<const float> units, std::span<const uint8_t> seen) {
-  std::vector<size_t> visible;
-  visible.reserve(seen.size());
-  for (size_t i = 0; i < seen.size(); ++i) {
-    if (seen[i] != 0) visible.push_back(i);
-  }
-  const size_t count = std::min(visible.size(), kMaxPoints);
+// Returns the features of up to `max_points` of the visible Gaussians, [n, 32]. They are spread
+// evenly over the indices instead of drawn, so that the result does not depend on a seed.
+std::vector<float> PointsToCluster(std::span<const float> units, std::span<const size_t> visible,
+                                   size_t max_points) {
+  const size_t count = std::min(visible.size(), max_points);
   std::vector<float> points;
   points.reserve(count * kFeatureSize);
   for (size_t k = 0; k < count; ++k) {
@@ -101,6 +101,16 @@ int32_t NearestMean(const float* unit, std::span<const float> means, float min_c
   return nearest;
 }
 
+// Returns the means of the clusters of points, [clusters, 32]. Waits for the device lock.
+absl::StatusOr<std::vector<float>> ClusterMeansOf(Backend& backend,
+                                                  const std::vector<float>& points,
+                                                  const HdbscanOptions& options) {
+  ASSIGN_OR_RETURN(const Clusters clusters, WithDeviceLock(backend, [&] {
+                     return Hdbscan(backend, std::span<const float>(points), options);
+                   }));
+  return ClusterMeans(points, clusters);
+}
+
 // Returns the piece of each Gaussian, or kNoPiece. Waits for the device lock.
 absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& model, double scale,
                                                 std::span<const float> visible) {
@@ -109,11 +119,12 @@ absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& m
   // HDBSCAN finds the pieces in a sample of the visible Gaussians; then each Gaussian, sampled or
   // not, goes to the piece with the nearest mean.
   const std::vector<uint8_t> seen = SeenEnough(visible);
-  const std::vector<float> points = PointsToCluster(units, seen);
-  ASSIGN_OR_RETURN(const Clusters clusters, WithDeviceLock(backend, [&] {
-                     return Hdbscan(backend, std::span<const float>(points), kPieces);
-                   }));
-  const std::vector<float> means = ClusterMeans(points, clusters);
+  std::vector<size_t> sampled;
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if (seen[i] != 0) sampled.push_back(i);
+  }
+  ASSIGN_OR_RETURN(const std::vector<float> means,
+                   ClusterMeansOf(backend, PointsToCluster(units, sampled, kMaxPoints), kPieces));
   std::vector<int32_t> pieces;
   pieces.reserve(visible.size());
   for (size_t i = 0; i < visible.size(); ++i) {
@@ -121,6 +132,40 @@ absl::StatusOr<std::vector<int32_t>> FindPieces(Backend& backend, const Model& m
         NearestMean(&units[i * kFeatureSize], means, seen[i] != 0 ? kMinCosine : kMinUnseenCosine));
   }
   return pieces;
+}
+
+// Returns the pieces after splitting each into the clusters of its own visible Gaussians. A piece
+// without two clusters stays whole. Waits for the device lock.
+absl::StatusOr<std::vector<int32_t>> SplitPieces(Backend& backend, const FeatureField& field,
+                                                 double scale, std::span<const int32_t> pieces,
+                                                 std::span<const float> visible) {
+  const std::vector<float> units =
+      GatedUnits(field.features, field.gate, static_cast<float>(scale));
+  const std::vector<uint8_t> seen = SeenEnough(visible);
+  const int32_t last = pieces.empty() ? kNoPiece : *std::max_element(pieces.begin(), pieces.end());
+  std::vector<std::vector<size_t>> sampled(static_cast<size_t>(last + 1));
+  for (size_t i = 0; i < pieces.size(); ++i) {
+    if (pieces[i] != kNoPiece && seen[i] != 0) sampled[pieces[i]].push_back(i);
+  }
+  std::vector<int32_t> first;             // number of the first split of each piece
+  std::vector<std::vector<float>> means;  // [splits, 32] of each piece
+  int32_t next = 0;
+  for (const std::vector<size_t>& members : sampled) {
+    ASSIGN_OR_RETURN(
+        std::vector<float> of,
+        ClusterMeansOf(backend, PointsToCluster(units, members, kMaxPiecePoints), kSplits));
+    first.push_back(next);
+    next += std::max(1, static_cast<int32_t>(of.size() / kFeatureSize));
+    means.push_back(std::move(of));
+  }
+  std::vector<int32_t> splits(pieces.begin(), pieces.end());
+  for (size_t i = 0; i < splits.size(); ++i) {
+    const int32_t piece = splits[i];
+    if (piece == kNoPiece) continue;
+    const int32_t nearest = NearestMean(&units[i * kFeatureSize], means[piece], kApart);
+    splits[i] = first[piece] + std::max(0, nearest);
+  }
+  return splits;
 }
 
 // Returns the pieces of the Gaussians after joining at a scale. A Gaussian counts in the mean of
@@ -142,8 +187,6 @@ std::vector<int32_t> JoinAt(double scale, const FeatureField& field,
   for (int32_t& piece : joined) piece = piece == kNoPiece ? kNoPiece : numbers[piece];
   return joined;
 }
-
-constexpr float kApart = -2;  // below any cosine
 
 // Keeps the matrix of all cosines and the nearest piece of each piece, so that a join costs one row
 // of the matrix, and another one for each piece whose nearest piece was one of the two.
@@ -242,14 +285,25 @@ absl::StatusOr<Decomposition> Decompose(Backend& backend, const Model& model,
                                         std::span<const double> scales, RowsOfPixels rows) {
   RETURN_IF_ERROR(CheckDecompositionScales(scales));
   ASSIGN_OR_RETURN(const std::vector<float> visible, VisibleWeights(model, rows));
-  ASSIGN_OR_RETURN(std::vector<int32_t> pieces,
-                   FindPieces(backend, model, std::min(scales.front(), kFinestScale), visible));
+  // Scale 0 adds a level and changes no other.
+  const bool split = scales.front() == 0;
+  const double finest = scales.size() > (split ? 1 : 0)
+                            ? std::min(scales[split ? 1 : 0], kFinestScale)
+                            : kFinestScale;
+  ASSIGN_OR_RETURN(std::vector<int32_t> pieces, FindPieces(backend, model, finest, visible));
   Decomposition decomposition;
   for (const double scale : scales) {
-    // Each granularity level joins segments of the one before, so that segments nest (METHOD.md
-    // section 4, "Decomposition").
-    pieces = JoinAt(scale, model.field, pieces, visible);
-    Decomposition::Level level = LevelOfPieces(scale, pieces, model.gaussians);
+    Decomposition::Level level;
+    if (scale == 0) {
+      ASSIGN_OR_RETURN(const std::vector<int32_t> splits,
+                       SplitPieces(backend, model.field, finest, pieces, visible));
+      level = LevelOfPieces(scale, splits, model.gaussians);
+    } else {
+      // Each granularity level joins segments of the one before, so that segments nest (METHOD.md
+      // section 4, "Decomposition").
+      pieces = JoinAt(scale, model.field, pieces, visible);
+      level = LevelOfPieces(scale, pieces, model.gaussians);
+    }
     if (!decomposition.levels.empty()) SetParents(decomposition.levels.back(), level);
     decomposition.levels.push_back(std::move(level));
   }

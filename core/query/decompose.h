@@ -24,7 +24,8 @@ using RowsOfPixels =
 // the smallest pieces. Each Gaussian goes to the piece whose mean is nearest, or to none if that is
 // not similar enough. The segments of a granularity level are those of the finer level, or the
 // pieces, joined as long as the means of two are similar at the scale of the level; so segments
-// nest.
+// nest. At scale 0 nothing is joined: each piece is split by HDBSCAN over up to 2,048 of its own
+// Gaussians, of which the sample of the whole model has few.
 //
 // The same model and scales give the same ids. rows: renders blend rows of the model's views.
 // Takes the device lock while it clusters. INVALID_ARGUMENT: see CheckDecompositionScales. Other

@@ -33,6 +33,9 @@ struct Decomposition {
 
 // The default scales: parts, objects, groups.
 inline constexpr std::array<double, 3> kDefaultDecompositionScales = {0.01, 0.5, 1};
+// The same, and the pieces that the parts are joined from, each split again: small things, such as
+// the head of a bolt whose part is the whole bolt.
+inline constexpr std::array<double, 4> kPieceDecompositionScales = {0, 0.01, 0.5, 1};
 inline constexpr int kMaxLevels = 8;
 
 // Returns INVALID_ARGUMENT unless there are 1 to kMaxLevels scales, all in [0, 1] and ascending

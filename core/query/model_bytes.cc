@@ -20,7 +20,7 @@ constexpr int64_t kFixedHostBytes = 1 << 20;  // views, facts, scale quantiles
 MemoryBytes BytesOfModel(const Backend& backend, const ModelShape& shape) {
   const int64_t parameters = (NumPlanes(shape.sh_degree) + kFeatureSize + 1) * kFloat;
   constexpr int64_t kDecomposed =
-      Decompositions::kMostKept * int64_t{kDefaultDecompositionScales.size()} * kFloat;
+      Decompositions::kMostKept * int64_t{kPieceDecompositionScales.size()} * kFloat;
   // While a model is read, its features are in memory twice: also in the half floats of the file.
   // It is decomposed only later, so that the larger of the two counts.
   constexpr int64_t kRead = kFeatureSize * static_cast<int64_t>(sizeof(Half));

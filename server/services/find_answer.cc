@@ -26,7 +26,7 @@ constexpr int kMaxResults = 200, kDefaultResults = 100;
 constexpr int kMaxKnownWords = 1000;
 constexpr size_t kMostSuggested = 5;
 // Of `like`: chosen on crowded, desk and bolts (tests/bench/results/all_alike.md).
-constexpr double kMinLikeScore = 0.1;
+constexpr double kMinLikeScore = 0.2;
 // IoU of the prompt's mask and the segment that it means.
 constexpr double kMinLikeIou = 0.5;
 
@@ -101,6 +101,22 @@ void AddKnownWords(const std::string& text, const std::set<std::string>& known,
   for (const std::string& word : words) {
     if (response->known_words_size() < kMaxKnownWords) response->add_known_words(word);
   }
+}
+
+// Returns the number of the segment that a request means. scales: those of its decomposition.
+absl::StatusOr<int32_t> NumberOfSegment(const SceneSegments& all, const v1::SegmentRef& segment,
+                                        std::span<const double> scales) {
+  const bool has_pieces = std::ranges::equal(scales, kPieceDecompositionScales);
+  if (!has_pieces && !std::ranges::equal(scales, kDefaultDecompositionScales)) {
+    return BadField("like_segment.scales", "",
+                    "only the default scales, and 0 and these, are looked at");
+  }
+  // The default levels are those after the pieces.
+  const int level = has_pieces || segment.level() < 0 ? segment.level() : segment.level() + 1;
+  const int32_t number = all.NumberOf({level, segment.id()});
+  if (number >= 0) return number;
+  return BadField("like_segment.id", absl::StrCat(segment.id()),
+                  absl::StrCat("no segment of level ", segment.level()));
 }
 
 // Returns the mask of a prompt in its view.
@@ -199,14 +215,7 @@ absl::Status FindAnswers::FindLike(const UnaryCall& call, const ResidentModel& m
     const v1::SegmentRef& segment = request.like_segment();
     ASSIGN_OR_RETURN(const std::vector<double> scales,
                      ReadScales(segment.scales(), "like_segment.scales"));
-    if (!std::ranges::equal(scales, kDefaultDecompositionScales)) {
-      return BadField("like_segment.scales", "", "only the default scales are looked at");
-    }
-    looked_for.segment = all->NumberOf({segment.level(), segment.id()});
-    if (looked_for.segment < 0) {
-      return BadField("like_segment.id", absl::StrCat(segment.id()),
-                      absl::StrCat("no segment of level ", segment.level()));
-    }
+    ASSIGN_OR_RETURN(looked_for.segment, NumberOfSegment(*all, segment, scales));
   }
   ASSIGN_OR_RETURN(const auto looks, seen_.Looks(model, *encoder, check));
   const std::vector<double> scores = looks->ScoresLike(looked_for);

@@ -91,11 +91,26 @@ v1::Prompt FoundWriter::PromptIn(const SeenView& seen, int32_t segment) {
   return prompt;
 }
 
+v1::SegmentRef RefOf(const SceneSegments& all, int32_t segment) {
+  const SceneSegments::Segment* of = &all.segments[segment];
+  if (of->is_piece && of->parent >= 0 &&
+      all.segments[of->parent].num_gaussians == of->num_gaussians) {
+    of = &all.segments[of->parent];
+  }
+  v1::SegmentRef ref;
+  if (of->is_piece) {
+    for (const double scale : kPieceDecompositionScales) ref.add_scales(scale);
+  } else {
+    for (const double scale : kDefaultDecompositionScales) ref.add_scales(scale);
+  }
+  ref.set_level(of->is_piece ? 0 : of->key.level - 1);
+  ref.set_id(of->key.id);
+  return ref;
+}
+
 void FoundWriter::Write(int32_t segment, v1::FindSegmentsResponse::Found& found) {
   const SceneSegments::Segment& of = all_.segments[segment];
-  for (const double scale : kDefaultDecompositionScales) found.mutable_segment()->add_scales(scale);
-  found.mutable_segment()->set_level(of.key.level);
-  found.mutable_segment()->set_id(of.key.id);
+  *found.mutable_segment() = RefOf(all_, segment);
   found.set_num_gaussians(of.num_gaussians);
   *found.mutable_box()->mutable_min() = VectorToProto({of.min[0], of.min[1], of.min[2]});
   *found.mutable_box()->mutable_max() = VectorToProto({of.max[0], of.max[1], of.max[2]});

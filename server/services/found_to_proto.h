@@ -8,6 +8,10 @@
 
 namespace pepeseg {
 
+// Returns how clients name a segment of a decomposition at kPieceDecompositionScales: at the
+// default scales where these have it, which they do of a piece that is all of a segment.
+v1::SegmentRef RefOf(const SceneSegments& all, int32_t segment);
+
 // Writes segments of a model into answers to FindSegments, with what shows them in pixels of a
 // frame. Both must outlive it. For one thread.
 class FoundWriter {

@@ -37,10 +37,14 @@ TEST(FoundRows, ListCentreAndSize) {
   found.mutable_box()->mutable_max()->set_x(3);
   for (const char* const view : {"a", "b", "c", "d"}) found.add_appearances()->set_view(view);
   answer.add_found()->set_word("cup");
+  auto& piece = *answer.add_found()->mutable_segment();
+  piece.set_id(5);
+  for (const double scale : {0.0, 0.01, 0.5, 1.0}) piece.add_scales(scale);
   const std::vector<TableRow> rows = FoundRows(answer);
-  ASSERT_EQ(rows.size(), 3u);
+  ASSERT_EQ(rows.size(), 4u);
   EXPECT_THAT(rows[1], ElementsAre("1", "0.50", "1:7", "1 0 0", "4 0 0", "12", "a b c"));
   EXPECT_THAT(rows[2], ElementsAre("2", "0.00", "cup", "", "", "0", ""));
+  EXPECT_EQ(rows[3][2], "piece 5");
 }
 
 TEST(ToCsv, QuotesWhatNeedsIt) {

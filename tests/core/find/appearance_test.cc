@@ -82,7 +82,7 @@ TEST_F(AppearanceTest, ScoresWhatLooksAlike) {
   ASSERT_EQ(scores.size(), 4u);
   EXPECT_NEAR(scores[0], 1, 1e-5);
   EXPECT_NEAR(scores[1], 1, 1e-5) << "what differs between views does not count";
-  EXPECT_EQ(scores[2], 0);
+  EXPECT_NEAR(scores[2], std::exp(-4), 1e-5) << "the opposite: a cosine of -1";
 }
 
 TEST_F(AppearanceTest, ScoresOtherSizesAndColoursLower) {
@@ -90,8 +90,8 @@ TEST_F(AppearanceTest, ScoresOtherSizesAndColoursLower) {
   all_.segments[3].color = {0.2f, 0, 0};
   ASSERT_OK_AND_ASSIGN(const Appearance looks, Look());
   const std::vector<double> scores = looks.ScoresLike({0, {}});
-  EXPECT_NEAR(scores[1], 1 - 0.5 * std::log(4.0), 1e-4);
-  EXPECT_NEAR(scores[3], 0.8, 1e-4);
+  EXPECT_NEAR(scores[1], std::exp(-2 * 0.5 * std::log(4.0)), 1e-4);
+  EXPECT_NEAR(scores[3], std::exp(-2 * 0.2), 1e-4);
 }
 
 TEST_F(AppearanceTest, LeavesOutWhatIsHardlySeen) {
@@ -111,9 +111,13 @@ TEST_F(AppearanceTest, ComparesWithPixelsOfNoSegment) {
   const std::vector<float> mean = MeanFeatures(features, inside);
   EXPECT_EQ(mean, (std::vector<float>{0, 1, 0.5f, 10}));
   const std::vector<double> scores = looks.ScoresLike({-1, mean});
-  // Less than 1: the pixels have what only their view shows, too.
-  EXPECT_GT(scores[2], 0.3);
-  EXPECT_EQ(scores[0], 0);
+  // The pixels differ from the mean of the segments by (-0.75, 0.75, 0, 10), where the last is what
+  // only their view shows, and segment 2 by (-0.75, 0.75, 0, 0). The variance between views is 100
+  // in the last channel, and the shrinkage adds 0.3 x 100 / 4 to all.
+  const double shown = 0.75 / std::sqrt(7.5), of_view = 10 / std::sqrt(107.5);
+  const double cosine = std::sqrt(2.0) * shown / std::hypot(std::sqrt(2.0) * shown, of_view);
+  EXPECT_NEAR(scores[2], std::exp(-2 * (1 - cosine)), 1e-4);
+  EXPECT_NEAR(scores[0], std::exp(-2 * (1 + cosine)), 1e-4);
 }
 
 TEST(BestApart, KeepsTheBetterOfTwoThatShareGaussians) {

@@ -160,6 +160,45 @@ TEST(Decompose, LeavesTooFewGaussiansForAPieceInNoSegment) {
   EXPECT_EQ(whole.levels[0].ids, std::vector<int32_t>(5));
 }
 
+// Returns features of a thing of two halves and of one that is whole, in regular grids of 5 x 5 and
+// 5 x 6 Gaussians, 0.02 apart. The halves are 0.03 apart: as one they are the more stable cluster.
+Model MakeHalves() {
+  Model model;
+  std::vector<float>& features = model.field.features;
+  for (int i = 0; i < 80; ++i) {
+    const int half = i / 25, row = i % 25 / 5, column = i % 5;
+    const bool whole = i >= 50;
+    features.resize(features.size() + 32);
+    float* const feature = &features[features.size() - 32];
+    feature[whole ? 1 : 0] = 1;
+    feature[2] = 0.02f * static_cast<float>(column);
+    feature[3] = whole ? 0.02f * static_cast<float>((i - 50) / 5)
+                       : 0.02f * static_cast<float>(row) + 0.11f * static_cast<float>(half);
+  }
+  model.gaussians = Gaussians::Zero(80, 0);
+  model.field.scale_quantiles = {1, 3};
+  return model;
+}
+
+TEST(Decompose, SplitsPiecesAtScale0) {
+  const Model model = MakeHalves();
+  ASSERT_OK_AND_ASSIGN(const Decomposition plain, DecomposeWithoutViews(model, {0.01, 1}));
+  ASSERT_EQ(plain.levels[0].segments.size(), 2u);
+  ASSERT_OK_AND_ASSIGN(const Decomposition split, DecomposeWithoutViews(model, {0, 0.01, 1}));
+  ASSERT_EQ(split.levels.size(), 3u);
+  EXPECT_EQ(split.levels[1].ids, plain.levels[0].ids);
+  EXPECT_EQ(split.levels[2].ids, plain.levels[1].ids);
+  const Decomposition::Level& pieces = split.levels[0];
+  ASSERT_EQ(pieces.segments.size(), 3u) << "two halves and the whole one";
+  EXPECT_EQ(pieces.segments[0].num_gaussians, 30);
+  EXPECT_EQ(pieces.segments[0].parent, 2);
+  EXPECT_EQ(pieces.segments[1].parent, 1);
+  EXPECT_EQ(pieces.segments[2].parent, 1);
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(pieces.ids[i], i < 25 ? 2 : 3) << i;
+  ASSERT_OK_AND_ASSIGN(const Decomposition alone, DecomposeWithoutViews(model, {0}));
+  EXPECT_EQ(alone.levels[0].ids, pieces.ids);
+}
+
 TEST(Decompose, RefusesBadScales) {
   const Model model = MakeNestedParts().model;
   const auto expect_refused = [&](const std::vector<double>& scales, const std::string& words) {

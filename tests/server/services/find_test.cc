@@ -5,8 +5,11 @@
 #include <fstream>
 
 #include "core/formats/rle.h"
+#include "server/services/found_to_proto.h"
+#include "server/services/seen_models.h"
 #include "tests/server/shelf_model.h"
 #include "tests/testing/fake_sam.h"
+#include "tests/testing/front_blobs.h"
 
 namespace pepeseg {
 namespace {
@@ -167,6 +170,79 @@ TEST_F(FindAlikeTest, ReturnsAPromptThatSegmentsTheThing) {
   EXPECT_NEAR(shown.masks(0).box().x(), seen.x(), 2);
   EXPECT_NEAR(shown.masks(0).box().width(), seen.width(), 3);
   EXPECT_NEAR(static_cast<double>(shown.masks(0).area()), static_cast<double>(seen.area()), 100);
+}
+
+TEST_F(FindAlikeTest, TakesTheSegmentsOfResults) {
+  request.mutable_like_segment()->set_id(1);
+  ASSERT_OK_AND_ASSIGN(const auto answer, Find());
+  ASSERT_EQ(answer.found_size(), 1);
+  EXPECT_THAT(answer.found(0).segment().scales(), ElementsAre(0.01, 0.5, 1));
+  EXPECT_EQ(answer.found(0).segment().level(), 0);
+  *request.mutable_like_segment() = answer.found(0).segment();
+  for (const bool with_pieces : {false, true}) {
+    if (with_pieces) {  // the square is one piece
+      request.mutable_like_segment()->clear_scales();
+      for (const double scale : {0.0, 0.01, 0.5, 1.0}) {
+        request.mutable_like_segment()->add_scales(scale);
+      }
+    }
+    ASSERT_OK_AND_ASSIGN(const auto again, Find());
+    ASSERT_EQ(again.found_size(), 1);
+    EXPECT_EQ(again.found(0).segment().DebugString(), answer.found(0).segment().DebugString());
+  }
+  request.mutable_like_segment()->set_level(4);
+  EXPECT_ERROR(Find(), grpc::INVALID_ARGUMENT, "like_segment.id");
+}
+
+TEST(SeenModels, KeepWhatWasAskedLastWithinTheirBytes) {
+  const auto backend = MakeCpuBackend(1);
+  ModelCache cache(MemoryBudget({int64_t{1} << 30, 0}, /*one_memory=*/true));
+  const auto model = [&](int64_t number) {
+    ModelCache::Source source;
+    source.need = [] { return MemoryBytes{1 << 20, 0}; };
+    source.load = [&] { return SceneModel::Create(*backend, testing::PairOfBlobs(48)); };
+    auto loaded = cache.Acquire(std::to_string(number), source);
+    EXPECT_OK(loaded);
+    return ResidentModel{"", *std::move(loaded), {{}, number}};
+  };
+  const ResidentModel first = model(1), second = model(2);
+  const auto wanted = [] { return absl::OkStatus(); };
+  SeenModels any;
+  ASSERT_OK_AND_ASSIGN(const auto segments, any.Segments(first, wanted));
+  const int64_t one = any.bytes();
+  EXPECT_EQ(one, segments->Bytes());
+  EXPECT_GE(one, int64_t{4} * 4 * 48 * 48) << "four levels of a view";
+  SeenModels seen(3 * one / 2);
+  ASSERT_OK_AND_ASSIGN(const auto kept, seen.Segments(first, wanted));
+  EXPECT_EQ(*seen.Segments(first, wanted), kept);
+  ASSERT_OK_AND_ASSIGN(const auto other, seen.Segments(second, wanted));
+  EXPECT_EQ(*seen.Segments(second, wanted), other);
+  EXPECT_EQ(seen.bytes(), one);
+  EXPECT_NE(*seen.Segments(first, wanted), kept) << "it made room for the other";
+  SeenModels none(one - 1);
+  ASSERT_OK(none.Segments(first, wanted));
+  EXPECT_EQ(none.bytes(), 0);
+}
+
+TEST(RefOf, NamesPiecesThatNoPartIs) {
+  SceneSegments all;
+  all.first = {0, 3};
+  all.segments.resize(5);
+  for (int32_t s = 0; s < 5; ++s) {
+    all.segments[s].key = s < 3 ? SegmentKey{0, s + 1} : SegmentKey{1, s - 2};
+    all.segments[s].is_piece = s < 3;
+    all.segments[s].num_gaussians = s == 3 ? 20 : 10;
+    all.segments[s].parent = s >= 3 ? -1 : s == 2 ? 4 : 3;
+  }
+  const v1::SegmentRef half = RefOf(all, 1), whole = RefOf(all, 2), part = RefOf(all, 3);
+  EXPECT_THAT(half.scales(), ElementsAre(0, 0.01, 0.5, 1));
+  EXPECT_EQ(half.level(), 0);
+  EXPECT_EQ(half.id(), 2);
+  EXPECT_THAT(whole.scales(), ElementsAre(0.01, 0.5, 1));
+  EXPECT_EQ(whole.level(), 0);
+  EXPECT_EQ(whole.id(), 2);
+  EXPECT_EQ(part.level(), 0);
+  EXPECT_EQ(part.id(), 1);
 }
 
 TEST_F(FindAlikeTest, RefusesThingsThatAreNotThere) {
