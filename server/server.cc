@@ -55,6 +55,7 @@ constexpr int kNumUploadThreads = 4;
 constexpr int kNumQueryThreads = 2;
 constexpr int kNumEvaluationThreads = 1;
 constexpr int kNumCorrectionThreads = 1;
+constexpr int kNumFindThreads = 2;  // a text command may occupy one for two minutes
 constexpr int kNumBorderThreads = 1;
 constexpr int kNumAdminThreads = 2;  // loading a model occupies one of them for seconds
 constexpr int kNumPhotographProcesses = 4;
@@ -63,6 +64,7 @@ constexpr size_t kMaxQueuedUploads = 64;  // calls of up to 8 MiB; parts of stre
 constexpr size_t kMaxQueuedQueries = 200;
 constexpr size_t kMaxQueuedEvaluations = 16;  // each holds its request of up to 8 MiB
 constexpr size_t kMaxQueuedCorrections = 16;  // each holds its request of up to 8 MiB
+constexpr size_t kMaxQueuedFinds = 16;
 constexpr size_t kMaxQueuedBorders = 60;  // a minute of work a project, where each is of a new view
 constexpr size_t kMaxQueuedAdminCalls = 100;
 constexpr size_t kMaxQueuedPhotographs = 500;
@@ -101,6 +103,7 @@ struct Server::Parts {
   std::filesystem::path sam, detector;     // folders of their files; empty: none
   TextTask text_task;                      // without a program: there is no text command
   std::shared_ptr<const WordNet> wordnet;  // null: none
+  v1::ServerStatus::FindSources find_sources;
   std::unique_ptr<Supervisor> supervisor;
   std::unique_ptr<StreamRegistry> streams;
   WorkerPools pools{WorkerPool(PoolLimits(kNumIoThreads, kMaxQueuedCalls)),
@@ -108,6 +111,7 @@ struct Server::Parts {
                     WorkerPool(PoolLimits(kNumQueryThreads, kMaxQueuedQueries)),
                     WorkerPool(PoolLimits(kNumEvaluationThreads, kMaxQueuedEvaluations)),
                     WorkerPool(PoolLimits(kNumCorrectionThreads, kMaxQueuedCorrections)),
+                    WorkerPool(PoolLimits(kNumFindThreads, kMaxQueuedFinds)),
                     WorkerPool(PoolLimits(kNumBorderThreads, kMaxQueuedBorders)),
                     WorkerPool({.threads = kNumAdminThreads, .queued = kMaxQueuedAdminCalls})};
   FailedPhotographs failed_photographs;
@@ -228,7 +232,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   runner = std::make_unique<CallRunner>(*authorizer, *quotas, *streams, pools);
   health = MakeHealthMonitor(*store, *device.backend, options.data);
   operations = std::make_unique<Operations>(
-      Operations::Dependencies{*runner, *models, *supervisor, *health});
+      Operations::Dependencies{*runner, *models, *supervisor, *health, find_sources});
   EstimateTools tools;
   tools.has_priors_command = !options.workers.priors_command.empty();
   tools.has_sam = !sam.empty();
@@ -261,6 +265,10 @@ void Server::Parts::MakeQueryServices(int num_threads) {
   text_command = std::make_unique<TextCommand>(TextCommand::Dependencies{
       text_task, photographs.worker, photographs.scratch, *word_photographs});
   label_words = std::make_unique<LabelWords>(*store, wordnet);
+  find_sources.set_synonyms(wordnet != nullptr);
+  find_sources.set_num_detector_words(static_cast<int>(detector_words->num_words()));
+  find_sources.set_text_command(!text_task.program.empty());
+  find_sources.set_appearance(!sam.empty());
   // In the order in which they are asked.
   const std::vector<WordSource*> words = {label_words.get(), detector_words.get(),
                                           text_command.get()};

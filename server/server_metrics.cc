@@ -87,12 +87,13 @@ void ServerGauges::AddServer(Samples& samples) const {
 
 void ServerGauges::AddPools(Samples& samples) const {
   const WorkerPools& all = operations_.runner().pools();
-  const std::array<std::pair<const char*, WorkerPool::Use>, 7> pools = {
+  const std::array<std::pair<const char*, WorkerPool::Use>, 8> pools = {
       {{"io", all.io.use()},
        {"upload", all.upload.use()},
        {"query", all.query.use()},
        {"evaluation", all.evaluation.use()},
        {"correction", all.correction.use()},
+       {"find", all.find.use()},
        {"border", all.border.use()},
        {"admin", all.admin.use()}}};
   const auto add = [&](auto value) {

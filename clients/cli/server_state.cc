@@ -17,6 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "clients/cli/admin_verb.h"
 #include "clients/cli/verbs.h"
@@ -61,6 +62,17 @@ std::string QueryLine(const v1::ServerStatus& status) {
 std::string PoolLine(const v1::ServerStatus::Pool& pool) {
   return absl::StrFormat("%-10s  %d of %d busy, %d of %d queued", WordOf(pool.work()),
                          pool.num_busy(), pool.num_threads(), pool.num_queued(), pool.max_queued());
+}
+
+std::string FindLine(const v1::ServerStatus::FindSources& sources) {
+  std::vector<std::string> by = {"labels"};
+  if (sources.synonyms()) by.emplace_back("their synonyms");
+  if (sources.num_detector_words() > 0) {
+    by.push_back(absl::StrCat("a detector of ", sources.num_detector_words(), " words"));
+  }
+  if (sources.text_command()) by.emplace_back("the text command");
+  if (sources.appearance()) by.emplace_back("looks");
+  return absl::StrCat("finds by ", absl::StrJoin(by, ", "));
 }
 
 std::string RunningLine(const v1::Job& job) {
@@ -195,6 +207,8 @@ std::vector<std::string> TopLines(const TopSnapshot& snapshot, absl::Time now) {
   std::vector<std::string> lines = {ServerLine(status, now), ProcessLine(status), QueryLine(status),
                                     ""};
   for (const v1::ServerStatus::Pool& pool : status.pools()) lines.push_back(PoolLine(pool));
+  lines.push_back("");
+  lines.push_back(FindLine(status.find_sources()));
   lines.push_back("");
   lines.push_back(absl::StrCat("jobs: ", status.running_jobs_size(), " running, ",
                                status.num_queued_jobs(), " queued"));

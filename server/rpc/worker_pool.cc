@@ -177,6 +177,8 @@ WorkerPool& WorkerPools::Of(v1::Pool pool) {
       return evaluation;
     case v1::POOL_CORRECTION:
       return correction;
+    case v1::POOL_FIND:
+      return find;
     case v1::POOL_ADMIN:
       return admin;
     default:

@@ -139,6 +139,7 @@ struct WorkerPools {
   WorkerPool query;       // calls that compute
   WorkerPool evaluation;  // calls that compute for long
   WorkerPool correction;  // calls that train a model for seconds
+  WorkerPool find;        // calls that look for things, maybe by a program of the operator
   WorkerPool border;      // calls that wait for SAM, which answers one at a time
   WorkerPool admin;       // calls of operators
 
@@ -146,12 +147,13 @@ struct WorkerPools {
   WorkerPool& Of(v1::Pool pool);
   // Drains all pools but `admin`, whose calls are answered until the end.
   void SetDraining(bool draining) {
-    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &correction, &border}) {
+    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &correction, &find, &border}) {
       pool->SetDraining(draining);
     }
   }
   void Stop() {
-    for (WorkerPool* pool : {&io, &upload, &query, &evaluation, &correction, &border, &admin}) {
+    for (WorkerPool* pool :
+         {&io, &upload, &query, &evaluation, &correction, &find, &border, &admin}) {
       pool->Stop();
     }
   }

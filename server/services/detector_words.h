@@ -31,6 +31,8 @@ class DetectorWords final : public WordSource {
   // Reads the words; a folder that the caller has not checked may be damaged.
   explicit DetectorWords(const Dependencies& deps);
 
+  // Returns the number of words that the detector knows; 0: the server has none.
+  size_t num_words() const { return known_.size(); }
   v1::FindSegmentsResponse::Source source() const override {
     return v1::FindSegmentsResponse::SOURCE_DETECTOR;
   }

@@ -81,9 +81,11 @@ absl::Status Operations::FillStatus(v1::ServerStatus* response) const {
   FillPool(v1::ServerStatus::WORK_UPLOAD, pools.upload, response);
   FillPool(v1::ServerStatus::WORK_BORDER, pools.border, response);
   FillPool(v1::ServerStatus::WORK_CORRECTION, pools.correction, response);
+  FillPool(v1::ServerStatus::WORK_FIND, pools.find, response);
+  *response->mutable_find_sources() = deps_.find_sources;
   response->set_num_streams(static_cast<int32_t>(deps_.runner.streams().size()));
-  const LatencyWindow::Quantiles queries =
-      LatencyWindow::Summarize(absl::Now(), pools.query.latencies(), pools.evaluation.latencies());
+  const LatencyWindow::Quantiles queries = LatencyWindow::Summarize(
+      absl::Now(), pools.query.latencies(), pools.evaluation.latencies(), pools.find.latencies());
   response->set_queries_per_second(queries.per_second);
   *response->mutable_query_p50() = ToProto(queries.p50);
   *response->mutable_query_p99() = ToProto(queries.p99);

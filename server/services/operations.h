@@ -22,6 +22,7 @@ class Operations {
     ModelLoader& models;
     Supervisor& supervisor;
     HealthMonitor& health;
+    const v1::ServerStatus::FindSources& find_sources;  // set before FillStatus is called
   };
   explicit Operations(const Dependencies& deps);
 

@@ -38,11 +38,14 @@ TEST(TopLines, ShowServerPoolsJobsAndModels) {
   v1::ResidentModel& model = *snapshot.resident.add_models();
   model.set_name("scenes/shelf/models/2");
   model.set_host_bytes(3 << 20);
+  status.mutable_find_sources()->set_num_detector_words(80);
+  status.mutable_find_sources()->set_appearance(true);
   const auto lines = TopLines(snapshot, absl::FromUnixSeconds(1065));
   EXPECT_EQ(lines[0], "pepesegd 1.2 on cpu, up 1:05");
   EXPECT_THAT(lines, Contains(HasSubstr("17 threads")));
   EXPECT_THAT(lines, Contains(HasSubstr("12.5 queries/s, p50 0.0 ms, p99 42.0 ms")));
   EXPECT_THAT(lines, Contains("query       1 of 2 busy, 3 of 100 queued"));
+  EXPECT_THAT(lines, Contains("finds by labels, a detector of 80 words, looks"));
   EXPECT_THAT(lines, Contains("jobs: 1 running, 4 queued"));
   EXPECT_THAT(lines, Contains(HasSubstr("5/10")));
   EXPECT_THAT(lines, Contains(HasSubstr("about 1 min left of this stage")));

@@ -180,7 +180,7 @@ TEST_F(ObserveTest, StatusReportsWhatTheServerDoes) {
   ASSERT_TRUE(Eventually([&] { return (status = Status()).running_jobs_size() > 0; }));
   EXPECT_EQ(status.running_jobs(0).name(), job.name());
   EXPECT_EQ(status.num_streams(), 1);
-  EXPECT_EQ(status.pools_size(), 6);
+  EXPECT_EQ(status.pools_size(), 7);
   EXPECT_EQ(status.pools(1).work(), v1::ServerStatus::WORK_QUERY);
   EXPECT_EQ(status.pools(1).num_threads(), 2);
   EXPECT_GT(status.resident_bytes(), 1 << 20);

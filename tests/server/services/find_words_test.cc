@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <thread>
 
 #include "tests/server/shelf_model.h"
 #include "tests/testing/fake_sam.h"
@@ -78,6 +79,15 @@ TEST_F(FindWordsOfDetector, FailAloneWhereTheDetectorIsDamaged) {
   EXPECT_EQ(Find("pear")->found_size(), 0);
 }
 
+TEST_F(FindWordsOfDetector, AreSaidInTheStatus) {
+  running.options.admin = "127.0.0.1:0";
+  running.Restart();
+  const auto sources = Call(&AdminStub::GetServerStatus, {})->find_sources();
+  EXPECT_EQ(sources.num_detector_words(), 2);
+  EXPECT_FALSE(sources.text_command());
+  EXPECT_FALSE(sources.appearance());
+}
+
 struct FindWordsOfCommand : FindWords {
   FindWordsOfCommand() {
     SetProgram("exit 3");
@@ -119,6 +129,36 @@ TEST_F(FindWordsOfCommand, FindNothingWhereItFindsNothing) {
   EXPECT_EQ(none.found_size(), 0);
   ASSERT_OK_AND_ASSIGN(const auto option, Find("--out"));
   EXPECT_EQ(option.found_size(), 0);
+}
+
+TEST_F(FindWordsOfCommand, DoNotKeepOthersWaiting) {
+  running.options.admin = "127.0.0.1:0";
+  running.Restart();
+  SetProgram("sleep 60");
+  grpc::ClientContext slow;
+  std::thread finder([&] {
+    v1::FindSegmentsRequest request;
+    request.set_model(kModel);
+    request.set_text("the slow thing");
+    v1::FindSegmentsResponse response;
+    EXPECT_EQ(running.segmentation->FindSegments(&slow, request, &response).error_code(),
+              grpc::StatusCode::CANCELLED);
+  });
+  const auto num_busy = [this](v1::ServerStatus::Work work) {
+    const auto status = Call(&AdminStub::GetServerStatus, {});
+    for (const auto& pool : status->pools()) {
+      if (pool.work() == work) return pool.num_busy();
+    }
+    return -1;
+  };
+  EXPECT_TRUE(Eventually([&] { return num_busy(v1::ServerStatus::WORK_FIND) == 1; }));
+  v1::DecomposeModelRequest decompose;
+  decompose.set_model(kModel);
+  EXPECT_OK(Call(&SegmentationStub::DecomposeModel, decompose));
+  EXPECT_EQ(num_busy(v1::ServerStatus::WORK_FIND), 1) << "the program still runs";
+  EXPECT_EQ(num_busy(v1::ServerStatus::WORK_EVALUATION), 0);
+  slow.TryCancel();
+  finder.join();
 }
 
 TEST_F(FindWordsOfCommand, FailTheRequestOnlyWhereItFails) {

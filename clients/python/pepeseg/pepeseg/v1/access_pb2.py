@@ -14,7 +14,7 @@ _sym_db = _symbol_database.Default()
 from google.protobuf import descriptor_pb2 as google_dot_protobuf_dot_descriptor__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17pepeseg/v1/access.proto\x12\npepeseg.v1\x1a google/protobuf/descriptor.proto\"]\n\x06\x41\x63\x63\x65ss\x12 \n\x05scope\x18\x01 \x01(\x0e\x32\x11.pepeseg.v1.Scope\x12\x11\n\tresources\x18\x02 \x03(\t\x12\x1e\n\x04pool\x18\x03 \x01(\x0e\x32\x10.pepeseg.v1.Pool*c\n\x05Scope\x12\x15\n\x11SCOPE_UNSPECIFIED\x10\x00\x12\x0e\n\nSCOPE_READ\x10\x01\x12\x0f\n\x0bSCOPE_WRITE\x10\x02\x12\x0f\n\x0bSCOPE_TRAIN\x10\x03\x12\x11\n\rSCOPE_OPERATE\x10\x04*\x84\x01\n\x04Pool\x12\x14\n\x10POOL_UNSPECIFIED\x10\x00\x12\x0b\n\x07POOL_IO\x10\x01\x12\x0f\n\x0bPOOL_UPLOAD\x10\x02\x12\x0e\n\nPOOL_QUERY\x10\x03\x12\x13\n\x0fPOOL_EVALUATION\x10\x04\x12\x0e\n\nPOOL_ADMIN\x10\x05\x12\x13\n\x0fPOOL_CORRECTION\x10\x06:D\n\x06\x61\x63\x63\x65ss\x12\x1e.google.protobuf.MethodOptions\x18\xa1\x8c\x03 \x01(\x0b\x32\x12.pepeseg.v1.Accessb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x17pepeseg/v1/access.proto\x12\npepeseg.v1\x1a google/protobuf/descriptor.proto\"]\n\x06\x41\x63\x63\x65ss\x12 \n\x05scope\x18\x01 \x01(\x0e\x32\x11.pepeseg.v1.Scope\x12\x11\n\tresources\x18\x02 \x03(\t\x12\x1e\n\x04pool\x18\x03 \x01(\x0e\x32\x10.pepeseg.v1.Pool*c\n\x05Scope\x12\x15\n\x11SCOPE_UNSPECIFIED\x10\x00\x12\x0e\n\nSCOPE_READ\x10\x01\x12\x0f\n\x0bSCOPE_WRITE\x10\x02\x12\x0f\n\x0bSCOPE_TRAIN\x10\x03\x12\x11\n\rSCOPE_OPERATE\x10\x04*\x93\x01\n\x04Pool\x12\x14\n\x10POOL_UNSPECIFIED\x10\x00\x12\x0b\n\x07POOL_IO\x10\x01\x12\x0f\n\x0bPOOL_UPLOAD\x10\x02\x12\x0e\n\nPOOL_QUERY\x10\x03\x12\x13\n\x0fPOOL_EVALUATION\x10\x04\x12\x0e\n\nPOOL_ADMIN\x10\x05\x12\x13\n\x0fPOOL_CORRECTION\x10\x06\x12\r\n\tPOOL_FIND\x10\x07:D\n\x06\x61\x63\x63\x65ss\x12\x1e.google.protobuf.MethodOptions\x18\xa1\x8c\x03 \x01(\x0b\x32\x12.pepeseg.v1.Accessb\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.access_pb2', globals())
@@ -25,7 +25,7 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _SCOPE._serialized_start=168
   _SCOPE._serialized_end=267
   _POOL._serialized_start=270
-  _POOL._serialized_end=402
+  _POOL._serialized_end=417
   _ACCESS._serialized_start=73
   _ACCESS._serialized_end=166
 # @@protoc_insertion_point(module_scope)

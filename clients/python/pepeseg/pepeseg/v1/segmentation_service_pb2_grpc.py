@@ -97,7 +97,7 @@ class SegmentationServiceServicer(object):
 
     def FindSegments(self, request, context):
         """Finds all things that look like one thing, or what a text names, among the segments of the
-        decomposition at the default scales. An unsure answer is empty and has the known words. The
+        decomposition at scale 0 and the default scales. An unsure answer is empty and has the known words. The
         first call for a model decomposes it and looks at up to 24 views, which takes half a second of
         a core each where the training has not kept what SAM sees in them; later calls take 0.1 s.
         FAILED_PRECONDITION: `like` without SAM (deploy/sam.sh). INVALID_ARGUMENT: also those of

@@ -22,9 +22,20 @@ class ResumeServerRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class ServerStatus(_message.Message):
-    __slots__ = ["device", "disk_free_bytes", "draining", "num_descriptors", "num_queued_jobs", "num_streams", "num_threads", "pools", "queries_per_second", "query_p50", "query_p99", "resident_bytes", "running_jobs", "start_time", "version"]
+    __slots__ = ["device", "disk_free_bytes", "draining", "find_sources", "num_descriptors", "num_queued_jobs", "num_streams", "num_threads", "pools", "queries_per_second", "query_p50", "query_p99", "resident_bytes", "running_jobs", "start_time", "version"]
     class Work(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = []
+    class FindSources(_message.Message):
+        __slots__ = ["appearance", "num_detector_words", "synonyms", "text_command"]
+        APPEARANCE_FIELD_NUMBER: _ClassVar[int]
+        NUM_DETECTOR_WORDS_FIELD_NUMBER: _ClassVar[int]
+        SYNONYMS_FIELD_NUMBER: _ClassVar[int]
+        TEXT_COMMAND_FIELD_NUMBER: _ClassVar[int]
+        appearance: bool
+        num_detector_words: int
+        synonyms: bool
+        text_command: bool
+        def __init__(self, synonyms: bool = ..., num_detector_words: _Optional[int] = ..., text_command: bool = ..., appearance: bool = ...) -> None: ...
     class Pool(_message.Message):
         __slots__ = ["max_queued", "num_busy", "num_queued", "num_threads", "work"]
         MAX_QUEUED_FIELD_NUMBER: _ClassVar[int]
@@ -41,6 +52,7 @@ class ServerStatus(_message.Message):
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     DISK_FREE_BYTES_FIELD_NUMBER: _ClassVar[int]
     DRAINING_FIELD_NUMBER: _ClassVar[int]
+    FIND_SOURCES_FIELD_NUMBER: _ClassVar[int]
     NUM_DESCRIPTORS_FIELD_NUMBER: _ClassVar[int]
     NUM_QUEUED_JOBS_FIELD_NUMBER: _ClassVar[int]
     NUM_STREAMS_FIELD_NUMBER: _ClassVar[int]
@@ -56,6 +68,7 @@ class ServerStatus(_message.Message):
     WORK_BORDER: ServerStatus.Work
     WORK_CORRECTION: ServerStatus.Work
     WORK_EVALUATION: ServerStatus.Work
+    WORK_FIND: ServerStatus.Work
     WORK_IO: ServerStatus.Work
     WORK_QUERY: ServerStatus.Work
     WORK_UNSPECIFIED: ServerStatus.Work
@@ -63,6 +76,7 @@ class ServerStatus(_message.Message):
     device: str
     disk_free_bytes: int
     draining: bool
+    find_sources: ServerStatus.FindSources
     num_descriptors: int
     num_queued_jobs: int
     num_streams: int
@@ -75,4 +89,4 @@ class ServerStatus(_message.Message):
     running_jobs: _containers.RepeatedCompositeFieldContainer[_job_service_pb2.Job]
     start_time: _timestamp_pb2.Timestamp
     version: str
-    def __init__(self, version: _Optional[str] = ..., device: _Optional[str] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., draining: bool = ..., resident_bytes: _Optional[int] = ..., num_descriptors: _Optional[int] = ..., num_threads: _Optional[int] = ..., pools: _Optional[_Iterable[_Union[ServerStatus.Pool, _Mapping]]] = ..., num_streams: _Optional[int] = ..., disk_free_bytes: _Optional[int] = ..., running_jobs: _Optional[_Iterable[_Union[_job_service_pb2.Job, _Mapping]]] = ..., num_queued_jobs: _Optional[int] = ..., queries_per_second: _Optional[float] = ..., query_p50: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., query_p99: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
+    def __init__(self, version: _Optional[str] = ..., device: _Optional[str] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., draining: bool = ..., resident_bytes: _Optional[int] = ..., num_descriptors: _Optional[int] = ..., num_threads: _Optional[int] = ..., pools: _Optional[_Iterable[_Union[ServerStatus.Pool, _Mapping]]] = ..., num_streams: _Optional[int] = ..., disk_free_bytes: _Optional[int] = ..., running_jobs: _Optional[_Iterable[_Union[_job_service_pb2.Job, _Mapping]]] = ..., num_queued_jobs: _Optional[int] = ..., queries_per_second: _Optional[float] = ..., query_p50: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., query_p99: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., find_sources: _Optional[_Union[ServerStatus.FindSources, _Mapping]] = ...) -> None: ...
