@@ -71,6 +71,7 @@ export class OtherViews {
     const { model, views, state } = asker;
     const bySam = isForSam(state.get());
     const samClicks = bySam ? state.get().samClicks : 'off';
+    const samBorders = state.get().samClicks === 'off' ? false : undefined;
     const granularity = granularityElsewhere(state.get());
     const shown = asker.shown();
     const from = Math.max(0, views.indexOf(shown));
@@ -81,7 +82,7 @@ export class OtherViews {
       : batchesOf(inOrder.filter((view) => !current.has(view)));
     try {
       for (const batch of batches) {
-        const query = { model, prompt, granularity, views: batch, samClicks };
+        const query = { model, prompt, granularity, views: batch, samClicks, samBorders };
         const { masks } = await segmentViews(query, signal);
         if (signal.aborted) return;
         asker.takeMasks(masks, bySam);

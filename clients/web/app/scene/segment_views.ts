@@ -42,7 +42,7 @@ export function samBatches(
   return own === '' && !answered.has('') ? [undefined, ...named] : named;
 }
 
-/** Whether SAM and the model answer clicks together; auto: as the server does for the model. */
+/** Whether SAM and the model answer clicks and boxes together; auto: as the server does for the model. */
 export type SamClicks = 'auto' | 'on' | 'off';
 
 const samField = { auto: undefined, on: true, off: false } as const;
@@ -53,19 +53,19 @@ export interface ViewsQuery {
   readonly granularity: Granularity;
   /** Absent: the prompt's view. */
   readonly views?: readonly string[] | undefined;
-  /** Whether SAM places the borders. */
-  readonly samBorders?: boolean;
-  /** Absent: off. Others are for points without scale and threshold. */
+  /** Whether SAM places the borders. Absent: as the server does for the model. */
+  readonly samBorders?: boolean | undefined;
+  /** Absent: off. Others are for points or a box without scale and threshold. */
   readonly samClicks?: SamClicks;
 }
 
 /** Segments the named views in one request, which is repeated until the server answers. */
 export async function segmentViews(query: ViewsQuery, signal: AbortSignal): Promise<Answer> {
-  const { model, prompt, granularity, views, samBorders = false } = query;
+  const { model, prompt, granularity, views, samBorders } = query;
   const samClicks = samField[query.samClicks ?? 'off'];
   const request = {
     ...segmentRequest(model, prompt, granularity, views),
-    samBorders,
+    ...(samBorders !== undefined && { samBorders }),
     ...(samClicks !== undefined && { samClicks }),
   };
   return answerOf(await steadily(() => segmentation.segmentViews(request, { signal }), signal));

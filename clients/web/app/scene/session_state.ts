@@ -66,13 +66,14 @@ export function usedGranularity({
 
 /**
  * Returns the scale and threshold with which other views are asked for the same thing. The answer to
- * clicks may be more than its scale and threshold say: if neither was chosen, the server chooses again.
+ * clicks and boxes may be more than its scale and threshold say: if neither was chosen, the server chooses again.
  */
 export function granularityElsewhere(
-  state: Pick<SessionState, 'prompt' | 'granularity' | 'answer'>,
+  state: Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'samClicks'>,
 ): Granularity {
   const { prompt, granularity } = state;
-  return prompt?.kind === 'points' && isOpen(granularity) ? {} : usedGranularity(state);
+  const isClicked = prompt?.kind === 'points' && isOpen(granularity);
+  return isClicked || isForSam(state) ? {} : usedGranularity(state);
 }
 
 /** What the answer is made of, and what the size slider goes along. */
@@ -91,11 +92,12 @@ export function isOpen({ scale, threshold }: Granularity): boolean {
   return scale === undefined && threshold === undefined;
 }
 
-/** Returns whether SAM is asked: it takes clicks, and chooses by itself how large the thing is. */
+/** Returns whether SAM is asked: it takes clicks and boxes, and chooses by itself how large the thing is. */
 export function isForSam({
   prompt,
   granularity,
   samClicks,
 }: Pick<SessionState, 'prompt' | 'granularity' | 'samClicks'>): boolean {
-  return samClicks !== 'off' && prompt?.kind === 'points' && isOpen(granularity);
+  const isMark = prompt?.kind === 'points' || prompt?.kind === 'box';
+  return samClicks !== 'off' && isMark && isOpen(granularity);
 }

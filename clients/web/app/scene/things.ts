@@ -61,7 +61,7 @@ async function begun(thing: Thing, signal: AbortSignal): Promise<Making> {
 /** Adds the masks of some views; in a label's own view that is the accepted one. */
 async function addMasks(
   making: Making,
-  asked: { readonly model: string; readonly views: readonly string[]; readonly samBorders: boolean },
+  asked: { readonly model: string; readonly views: readonly string[] },
   signal: AbortSignal,
 ): Promise<void> {
   const { thing, accepted, masks, granularity } = making;
@@ -72,14 +72,14 @@ async function addMasks(
   const query = { ...asked, prompt, granularity, views, samClicks };
   const answer = await segmentViews(query, signal);
   for (const [view, mask] of answer.masks) masks.set(view, mask);
-  if (prompt.kind !== 'points') {
+  if (samClicks === 'off' && prompt.kind !== 'points') {
     making.granularity = { scale: answer.scale, threshold: answer.threshold };
   }
 }
 
 /**
- * Returns the masks of each thing in each view, in the order of the views. SAM places their borders if
- * the server has it. Goes through the views outside and the things inside, since SAM reads a view once.
+ * Returns the masks of each thing in each view, in the order of the views. SAM places their borders where
+ * the server lets it. Goes through the views outside and the things inside, since SAM reads a view once.
  */
 export async function masksOfThings(
   model: string,
@@ -89,12 +89,12 @@ export async function masksOfThings(
 ): Promise<ViewMasks[]> {
   const total = things.length * views.length;
   progress(0, total);
-  const samBorders = await serverHasSam(model, signal);
+  const hasSam = await serverHasSam(model, signal);
   const all = await Promise.all(things.map((thing) => begun(thing, signal)));
   let done = 0;
-  for (const batch of batchesOf(views, samBorders ? samBatch : undefined)) {
+  for (const batch of batchesOf(views, hasSam ? samBatch : undefined)) {
     for (const making of all) {
-      await addMasks(making, { model, views: batch, samBorders }, signal);
+      await addMasks(making, { model, views: batch }, signal);
       progress((done += batch.length), total);
     }
   }

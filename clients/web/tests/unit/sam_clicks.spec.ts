@@ -97,13 +97,19 @@ test('a chosen size is the model’s alone', async () => {
   session.end();
 });
 
-test('SAM is left out of boxes, and of clicks when it is turned off', async () => {
+test('SAM answers boxes, not strokes, and no clicks when it is turned off', async () => {
   const { session, answerWith, asked: streamed } = await fakeSession();
   session.setSamClicks('on');
-  session.pose({ kind: 'box', place, box: { x: 0, y: 0, width: 5, height: 5 } });
+  const dot = { path: [{ x: 5, y: 5 }], negative: false, width: 0 };
+  session.pose({ kind: 'scribbles', place, strokes: [dot] });
   answerWith([inView('b.jpg', 20)]);
   await expect.poll(() => session.state.get().looking).toBe(false);
   expect(asked.every(({ samClicks }) => !samClicks)).toBe(true);
+  asked = [];
+  session.pose({ kind: 'box', place, box: { x: 0, y: 0, width: 5, height: 5 } });
+  answerWith([inView('b.jpg', 20)]);
+  await expect.poll(() => session.state.get().looking).toBe(false);
+  expect(asked.every(({ samClicks }) => samClicks)).toBe(true);
   session.addPoint(place, click);
   answerWith([inView('b.jpg', 20)]);
   await expect.poll(() => session.state.get().looking).toBe(false);
