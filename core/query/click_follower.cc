@@ -36,6 +36,12 @@ bool HasPositive(const Query& query) {
   return std::find(query.positive.begin(), query.positive.end(), 1) != query.positive.end();
 }
 
+// Lets a meaning that clicks changed in a part have the query of the one before.
+void KeepQuery(const PromptMeaning& before, PromptMeaning& changed) {
+  changed.query = before.query;
+  changed.unchanged = before.is_of_query ? before.mask : before.unchanged;
+}
+
 }  // namespace
 
 // A mask that may become the answer.
@@ -80,7 +86,8 @@ absl::Status ClickFollower::Follow(std::span<const PointPrompt> clicks,
     if (best.value > 0) RETURN_IF_ERROR(Take(best));
   }
   if (!answer_) return TakeDefaults();
-  if (!meaning_.is_of_query && HasPositive(query_)) meaning_.query = whole();
+  const bool has_query = meaning_.is_of_query || !meaning_.unchanged.pixels.empty();
+  if (!has_query && HasPositive(query_)) meaning_.query = whole();
   return absl::OkStatus();
 }
 
@@ -300,6 +307,7 @@ absl::Status ClickFollower::Take(const Option& option) {
     if (!changed.empty()) {
       taken.mask.pixels = std::move(changed);
       taken.is_of_query = false;
+      KeepQuery(meaning_, taken);
       soft.logits.clear();
     }
   }

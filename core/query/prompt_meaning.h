@@ -12,9 +12,11 @@ struct PromptMeaning {
   BinaryMask mask;
   // The query of the model that is nearest to the thing. No features: it is not known.
   Query query;
-  // Whether the query gives the mask in the view, and so the thing in any other one. Else an image
-  // segmenter saw the mask, or clicks changed only a part of a mask.
+  // Whether the query gives the mask in the view, and so the thing in any other one. Else clicks
+  // changed only a part of what it gives, or an image segmenter saw the mask.
   bool is_of_query = false;
+  // What the query gives in the view, of which clicks changed a part; without pixels: otherwise.
+  BinaryMask unchanged = {};
   // In which the segmenter saw the mask; kNone: the model alone gave it.
   BorderImage image = BorderImage::kNone;
 };

@@ -1,6 +1,7 @@
 #include "core/query/prompted_thing.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -78,21 +79,53 @@ absl::StatusOr<SegmentResult> PromptedThing::MaskOf(const Query& query, const Mo
   return nothing;
 }
 
-// Sets the pixels of another view that the prompt's view shows.
-absl::Status PromptedThing::Transfer(const ModelView& target, SegmentResult& result) {
+absl::StatusOr<TransferredMap> PromptedThing::Transfer(std::span<const uint8_t> map,
+                                                       const ModelView& target) {
   if (!depth_) {
     ASSIGN_OR_RETURN(std::vector<float> depth, model_->RenderDepth(view_));
     depth_ = {view_, std::move(depth)};
   }
   ViewDepth there = {target, {}};
   ASSIGN_OR_RETURN(there.depth, model_->RenderDepth(target));
-  const TransferredMask seen = TransferMask(*depth_, meaning_.mask.pixels, there);
+  return TransferMap(*depth_, map, there);
+}
+
+// The pixels that the prompt's view shows are those of its mask.
+absl::StatusOr<SegmentResult> PromptedThing::SeenIn(const ModelView& target,
+                                                    const SegmentOptions& options) {
+  RETURN_IF_ERROR(Fit());
+  ASSIGN_OR_RETURN(SegmentResult result, MaskOf(*query_, target, options));
+  ASSIGN_OR_RETURN(const TransferredMap seen, Transfer(meaning_.mask.pixels, target));
   BinaryMask mask = result.mask;
   for (size_t i = 0; i < mask.pixels.size(); ++i) {
-    if (seen.known[i] != 0) mask.pixels[i] = seen.inside[i];
+    if (seen.known[i] != 0) mask.pixels[i] = seen.values[i];
   }
   SetMask(std::move(mask), result);
-  return absl::OkStatus();
+  return result;
+}
+
+// Borders of a mask do not survive the way through the depths of two views, so that only what
+// clicks changed takes it. Pixels that the prompt's view does not show have no query but Fit's.
+absl::StatusOr<SegmentResult> PromptedThing::ChangedIn(const ModelView& target,
+                                                       const SegmentOptions& options) {
+  constexpr uint8_t kOut = 1, kIn = 2;
+  const std::vector<uint8_t>& mask = meaning_.mask.pixels;
+  std::vector<uint8_t> changes(mask.size());
+  for (size_t i = 0; i < changes.size(); ++i) {
+    if (mask[i] != meaning_.unchanged.pixels[i]) changes[i] = mask[i] != 0 ? kIn : kOut;
+  }
+  RETURN_IF_ERROR(Fit());
+  ASSIGN_OR_RETURN(const SegmentResult unchanged, MaskOf(meaning_.query, target, options));
+  ASSIGN_OR_RETURN(SegmentResult result, MaskOf(*query_, target, options));
+  ASSIGN_OR_RETURN(const TransferredMap seen, Transfer(changes, target));
+  BinaryMask changed = result.mask;
+  for (size_t i = 0; i < changed.pixels.size(); ++i) {
+    if (seen.known[i] == 0) continue;
+    changed.pixels[i] =
+        seen.values[i] == 0 ? unchanged.mask.pixels[i] : uint8_t{seen.values[i] == kIn};
+  }
+  SetMask(std::move(changed), result);
+  return result;
 }
 
 absl::StatusOr<SegmentResult> PromptedThing::In(const ModelView& target,
@@ -101,15 +134,17 @@ absl::StatusOr<SegmentResult> PromptedThing::In(const ModelView& target,
   if (meaning_.is_of_query) return MaskOf(meaning_.query, target, options);
   SegmentOptions with_similarity = options;
   with_similarity.want_similarity = true;  // SetMask needs it
-  const bool is_own = target.name == view_.name, is_known = !meaning_.query.features.empty();
-  if (!is_own || !is_known) RETURN_IF_ERROR(Fit());
-  ASSIGN_OR_RETURN(SegmentResult result,
-                   MaskOf(is_own && is_known ? meaning_.query : *query_, target, with_similarity));
-  if (is_own) {
+  SegmentResult result;
+  if (target.name == view_.name) {
+    if (meaning_.query.features.empty()) RETURN_IF_ERROR(Fit());
+    ASSIGN_OR_RETURN(result, MaskOf(meaning_.query.features.empty() ? *query_ : meaning_.query,
+                                    target, with_similarity));
     SetMask(meaning_.mask, result);
     result.border_image = meaning_.image;
   } else {
-    RETURN_IF_ERROR(Transfer(target, result));
+    const bool is_changed = !meaning_.unchanged.pixels.empty();
+    ASSIGN_OR_RETURN(
+        result, is_changed ? ChangedIn(target, with_similarity) : SeenIn(target, with_similarity));
     if (images_ != nullptr) {
       RETURN_IF_ERROR(images_->Refine(target, ImageSegmenter::Change::kWhole, check, result));
     }

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "absl/status/statusor.h"
@@ -17,10 +19,11 @@ namespace pepeseg {
 //
 // Points without scale and threshold mean the mask of a ClickFollower, a box that of FindInBox
 // where there is an image segmenter, and all other prompts the query of ResolvePrompt. Where the
-// meaning is a query of the model, so is the thing in any other view. Else the pixels of another
-// view that the prompt's view shows are inside if its mask has them; the others are those of the
-// model's query that fits the mask best. An image segmenter then moves this mask to the thing that
-// it sees there.
+// meaning is a query of the model, so is the thing in any other view. Where clicks changed a part
+// of what a query gives, the pixels of another view that the prompt's view shows are those of the
+// query with these changes; where an image segmenter saw the mask, those of the mask. All others
+// are those of the model's query that fits the mask best. An image segmenter then moves this mask
+// to the thing that it sees there.
 class PromptedThing {
  public:
   // images: null: the model answers alone. Errors are those of ClickFollower::Follow, FindInBox and
@@ -44,7 +47,12 @@ class PromptedThing {
   absl::Status Fit();
   absl::StatusOr<SegmentResult> MaskOf(const Query& query, const ModelView& target,
                                        const SegmentOptions& options) const;
-  absl::Status Transfer(const ModelView& target, SegmentResult& result);
+  absl::StatusOr<TransferredMap> Transfer(std::span<const uint8_t> map, const ModelView& target);
+  // Return the mask in another view where the query of the meaning does not give it: the pixels
+  // that the prompt's view shows are as seen there, or as the query gives them, with the changes
+  // seen there.
+  absl::StatusOr<SegmentResult> SeenIn(const ModelView& target, const SegmentOptions& options);
+  absl::StatusOr<SegmentResult> ChangedIn(const ModelView& target, const SegmentOptions& options);
 
   const Segmenter* model_;
   ImageSegmenter* images_;  // may be null

@@ -11,8 +11,8 @@ constexpr double kSameDepth = 0.03;  // relative difference of depths of one sur
 
 }  // namespace
 
-TransferredMask TransferMask(const ViewDepth& from, std::span<const uint8_t> mask,
-                             const ViewDepth& to) {
+TransferredMap TransferMap(const ViewDepth& from, std::span<const uint8_t> map,
+                           const ViewDepth& to) {
   const Camera& source = from.view.camera;
   const Camera& target = to.view.camera;
   const Pose& source_pose = from.view.cam_from_world;
@@ -20,9 +20,9 @@ TransferredMask TransferMask(const ViewDepth& from, std::span<const uint8_t> mas
       source_pose.rotation * to.view.cam_from_world.rotation.conjugate(),
       source_pose * (to.view.cam_from_world.Inverse() * Eigen::Vector3d::Zero())};
   const Eigen::Matrix3d rotation = source_from_target.rotation.toRotationMatrix();
-  TransferredMask result;
+  TransferredMap result;
   result.known.resize(to.depth.size());
-  result.inside.resize(to.depth.size());
+  result.values.resize(to.depth.size());
   for (int y = 0; y < target.height; ++y) {
     for (int x = 0; x < target.width; ++x) {
       const size_t pixel = static_cast<size_t>(y) * target.width + x;
@@ -39,7 +39,7 @@ TransferredMask TransferMask(const ViewDepth& from, std::span<const uint8_t> mas
       const double seen = from.depth[there];
       if (!(seen > 0) || std::abs(seen - point.z()) >= kSameDepth * point.z()) continue;
       result.known[pixel] = 1;
-      result.inside[pixel] = mask[there] != 0 ? 1 : 0;
+      result.values[pixel] = map[there];
     }
   }
   return result;

@@ -15,14 +15,15 @@ struct ViewDepth {
   std::vector<float> depth;
 };
 
-// The pixels of a view that another view shows, and those of them in that view's mask.
-struct TransferredMask {
-  std::vector<uint8_t> known;   // [height, width] 1: the mask's view shows what the pixel shows
-  std::vector<uint8_t> inside;  // [height, width] 1: and the mask has it
+// The pixels of a view that another view shows, and the values of that view's map there.
+struct TransferredMap {
+  std::vector<uint8_t> known;   // [height, width] 1: the map's view shows what the pixel shows
+  std::vector<uint8_t> values;  // [height, width] of the map; 0 where it is not known
 };
-// Returns what a mask [height, width] of the view `from` says about each pixel of `to`. A surface
+// Returns what a map [height, width] of the view `from`, such as a mask, says about each pixel of
+// `to`. A surface
 // is the same in both if the depths agree within 3 %.
-TransferredMask TransferMask(const ViewDepth& from, std::span<const uint8_t> mask,
-                             const ViewDepth& to);
+TransferredMap TransferMap(const ViewDepth& from, std::span<const uint8_t> map,
+                           const ViewDepth& to);
 
 }  // namespace pepeseg

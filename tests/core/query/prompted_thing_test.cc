@@ -162,6 +162,30 @@ TEST_F(PromptedThingTest, FollowsTheMaskIntoOtherViews) {
   EXPECT_EQ(std::count(lower, result.mask.pixels.end(), 1), 0);
 }
 
+// A click takes the lower half of the left blob away. The other view has the change, and beside it
+// exactly what the query gives there.
+TEST_F(PromptedThingTest, TakesChangesToOtherViewsAndNothingElse) {
+  BinaryMask upper = left_;
+  for (int i = kY * kSize; i < kSize * kSize; ++i) upper.pixels[i] = 0;
+  images_.next = {upper, 0.9, {}};
+  for (int i = 0; i < 12 * kSize; ++i) images_.next.mask.pixels[i] = 1;  // is not connected
+  ASSERT_OK_AND_ASSIGN(PromptedThing thing, Find({kLeft, {kLeftX + 0.5, kY + 1.5, false}}));
+  ASSERT_OK_AND_ASSIGN(const SegmentResult own, In(thing, view_));
+  EXPECT_EQ(own.mask.pixels, upper.pixels);
+  ASSERT_OK_AND_ASSIGN(const SegmentResult there, In(thing, other_));
+  const PromptedThing before = *Find({kLeft});
+  ASSERT_OK_AND_ASSIGN(const SegmentResult whole,
+                       PromptedThing(before).In(other_, {}, [] { return absl::OkStatus(); }));
+  const int end = kY * kSize;
+  EXPECT_TRUE(std::equal(whole.mask.pixels.begin(), whole.mask.pixels.begin() + end,
+                         there.mask.pixels.begin()));
+  const auto below = [&](const SegmentResult& of) {
+    return std::count(of.mask.pixels.begin() + end, of.mask.pixels.end(), 1);
+  };
+  EXPECT_LT(2 * below(there), below(whole));  // but for pixels that the first view does not show
+  EXPECT_GT(there.area, 0);
+}
+
 TEST_F(PromptedThingTest, TakesTheMaskThatFillsTheBox) {
   images_.first = {{Square(0, kSize), 0.95, {}}, {left_, 0.7, {}}, {Square(2, 6), 0.9, {}}};
   int box[4];
