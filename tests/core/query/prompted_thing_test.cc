@@ -162,7 +162,7 @@ TEST_F(PromptedThingTest, FollowsTheMaskIntoOtherViews) {
   EXPECT_EQ(std::count(lower, result.mask.pixels.end(), 1), 0);
 }
 
-// A click takes the lower half of the left blob away. The other view has the change, and beside it
+// A click takes the lower half of the left blob away. The other view has the change, and else
 // exactly what the query gives there.
 TEST_F(PromptedThingTest, TakesChangesToOtherViewsAndNothingElse) {
   BinaryMask upper = left_;
