@@ -21,7 +21,6 @@
 #include "core/model_files/model_file.h"
 #include "core/query/propose.h"
 #include "tests/bench/bench_backend.h"
-#include "tests/bench/box_scores.h"
 #include "tests/bench/capture_faults.h"
 #include "tests/bench/capture_pack.h"
 #include "tests/bench/click_times.h"
@@ -29,6 +28,7 @@
 #include "tests/bench/granularity.h"
 #include "tests/bench/pack_images.h"
 #include "tests/bench/prompt_scores.h"
+#include "tests/bench/sam_prompt_scores.h"
 #include "tests/bench/segment_rows.h"
 #include "tests/bench/stage_flags.h"
 #include "tests/bench/truth_views.h"
@@ -52,6 +52,7 @@ struct BenchOptions : StageOptions {
   bool clicks = false;
   bool click_times = false;
   bool boxes = false;
+  bool selections = false;
   bool decompose = false;
   bool rows_only = false;
   EvaluationOptions protocol;
@@ -250,9 +251,12 @@ absl::Status Segment(Backend& backend, const CapturePack& pack, const BenchOptio
         RETURN_IF_ERROR(ScoreClicks(*segmenter, images.get(), request, row, options));
       }
     }
-    if (options.boxes) {
+    if (options.boxes || options.selections) {
       ASSIGN_OR_RETURN(const EvaluationTask task, MakeTask(request, options.protocol.task));
-      RETURN_IF_ERROR(PrintBoxes(*segmenter, images.get(), task, options.entities));
+      if (options.boxes) {
+        RETURN_IF_ERROR(PrintBoxes(*segmenter, images.get(), task, options.entities));
+      }
+      if (options.selections) RETURN_IF_ERROR(PrintSelections(*segmenter, images.get(), task));
     }
   }
   return absl::OkStatus();
@@ -333,11 +337,12 @@ int main(int argc, char** argv) {
                "also measure clicks until IoU 0.9, and IoU after 1, 2 and 3 clicks; by entity with "
                "--entities");
   app.add_flag("--click-times", options.click_times, "with --clicks: also time their answers");
+  app.add_flag("--selections", options.selections, "also score selections in 3D of a click");
   app.add_flag("--boxes", options.boxes,
                "also score boxes around the entities on the clicked view and on the others");
-  app.add_option(
-      "--sam", options.sam,
-      "folder of SAM's files: --clicks and --boxes also let SAM and the field answer together");
+  app.add_option("--sam", options.sam,
+                 "folder of SAM's files: --clicks, --boxes and --selections also let SAM and the "
+                 "field answer together");
   app.add_option("--max-clicks", options.click_protocol.max_clicks);
   app.add_flag("--decompose", options.decompose,
                "how the levels of a decomposition agree with the truth's, too");

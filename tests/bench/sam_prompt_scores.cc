@@ -1,12 +1,13 @@
-#include "tests/bench/box_scores.h"
+#include "tests/bench/sam_prompt_scores.h"
 
 #include <cstdio>
 
 #include "core/base/status_macros.h"
+#include "core/evaluate/entity_queries.h"
 #include "core/evaluate/mask_scores.h"
 #include "core/query/mask_geometry.h"
 #include "core/query/prompted_thing.h"
-#include "core/query/resolve_prompt.h"
+#include "core/query/select_gaussians.h"
 
 namespace pepeseg {
 namespace {
@@ -40,7 +41,46 @@ absl::StatusOr<BoxIou> ScoreBox(const Segmenter& segmenter, ImageSegmenter* imag
   return iou;
 }
 
+// Returns the IoU of the selection of a click, rendered back, mean over the scored views.
+absl::StatusOr<double> ScoreSelection(const Segmenter& segmenter, ImageSegmenter* images,
+                                      const EvaluationTask& task, const ScoredEntity& entity) {
+  const Prompt click = {task.views[entity.reference].view,
+                        PointsPrompt{DeepestClickOf(task, entity)}};
+  auto thing = PromptedThing::Find(segmenter, images, click, {}, KeepOn);
+  if (IsNothingThere(thing.status())) return 0;
+  RETURN_IF_ERROR(thing.status());
+  const auto mask_in = [&](const ModelView& view) { return thing->In(view, {}, KeepOn); };
+  ASSIGN_OR_RETURN(const GaussianSet set,
+                   SelectGaussians(segmenter, {.prompt = click}, mask_in, KeepOn));
+  const std::vector<int32_t> ids(set.member.begin(), set.member.end());
+  double sum = 0;
+  for (const size_t v : entity.scored) {
+    const TruthView& truth = task.views[v];
+    ASSIGN_OR_RETURN(const std::vector<int32_t> shown, segmenter.RenderIds(truth.view, ids));
+    const std::vector<uint8_t> back(shown.begin(), shown.end());
+    sum += Iou(back, truth.MaskOf(entity.name), truth.ignore);
+  }
+  return sum / static_cast<double>(entity.scored.size());
+}
+
 }  // namespace
+
+absl::Status PrintSelections(const Segmenter& segmenter, ImageSegmenter* images,
+                             const EvaluationTask& task) {
+  double model = 0, both = 0;
+  for (const ScoredEntity& entity : task.entities) {
+    ASSIGN_OR_RETURN(const double by_model, ScoreSelection(segmenter, nullptr, task, entity));
+    model += by_model;
+    if (images == nullptr) continue;
+    ASSIGN_OR_RETURN(const double by_both, ScoreSelection(segmenter, images, task, entity));
+    both += by_both;
+  }
+  const auto count = static_cast<double>(task.entities.size());
+  std::printf("# selections of a click, IoU: %.4f by the model", model / count);
+  if (images != nullptr) std::printf(", %.4f by both", both / count);
+  std::printf("\n");
+  return absl::OkStatus();
+}
 
 absl::Status PrintBoxes(const Segmenter& segmenter, ImageSegmenter* images,
                         const EvaluationTask& task, bool by_entity) {
