@@ -18,8 +18,8 @@ namespace pepeseg {
 namespace {
 
 // Maximum number of views of a request that SAM answers. A view that SAM has not seen takes it one
-// to two seconds of a core.
-constexpr size_t kMaxSamTargets = 100;
+// to two seconds of a core; nobody who has not asked for SAM waits for many of these.
+constexpr size_t kMaxSamTargets = 100, kMaxNewTargets = 8;
 
 absl::Status CheckSamTargets(size_t num_targets) {
   if (num_targets <= kMaxSamTargets) return absl::OkStatus();
@@ -59,18 +59,20 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
 absl::Status SegmentAnswer::ChooseSam(const SegmentTools& tools) {
   const bool suits = SuitsSam(model_->model(), tools.images);
   const absl::Status few = CheckSamTargets(asked_.targets.size());
+  const bool are_few = few.ok() && (asked_.targets.size() <= kMaxNewTargets ||
+                                    tools.images.HasKept(model_, asked_.targets.back()));
   asked_.image_clicks = request_.has_sam_clicks()
                             ? request_.sam_clicks()
                             : suits && IsForSam(request_.prompt(), request_.granularity());
   asked_.image_borders = request_.has_sam_borders()
                              ? request_.sam_borders()
-                             : suits && few.ok() && asked_.options.refine_borders;
+                             : suits && are_few && asked_.options.refine_borders;
   if (!asked_.image_clicks && !asked_.image_borders) return absl::OkStatus();
   is_sam_needed_ = AsksSam(request_);
   if (is_sam_needed_) RETURN_IF_ERROR(few);
   images_ = tools.images.SegmenterOf(model_);
   asked_.images = images_.get();
-  asked_.images_of_prompted_view_only = !few.ok();
+  asked_.images_of_prompted_view_only = !is_sam_needed_ && !are_few;
   return absl::OkStatus();
 }
 

@@ -86,26 +86,35 @@ absl::StatusOr<Image> ViewImages::Photograph(const ResidentModel& model, const M
   return photographs.Formed(view, {.view = view, .max_side = kSamFrame});
 }
 
-// The dataset of a model does not change. Where it has no such photograph, which then was a frame
-// of a video, or is deleted, the model's folder alone says whose the embedding is.
-absl::StatusOr<SamEmbedding> ViewImages::ReadKept(const ResidentModel& model, const ModelView& view,
-                                                  absl::FunctionRef<bool()> wanted) const {
+absl::StatusOr<std::filesystem::path> ViewImages::KeptFile(const ResidentModel& model,
+                                                           const ModelView& view) const {
   if (view.name.empty() || !view.photograph) {
     return absl::NotFoundError("the view has no photograph");
   }
   ASSIGN_OR_RETURN(const ModelRecord record,
                    deps_.store.models().GetModel(model.id.scene, model.id.number));
-  const std::filesystem::path folder = deps_.models.data_folder() / record.folder;
+  const std::filesystem::path file =
+      deps_.models.data_folder() / record.folder / EmbeddingFileName(view.name);
   // Spares the database a list of files.
   std::error_code ignored;
-  if (!std::filesystem::exists(folder / EmbeddingFileName(view.name), ignored)) {
-    return absl::NotFoundError("the training has kept no embedding");
-  }
+  if (std::filesystem::exists(file, ignored)) return file;
+  return absl::NotFoundError("the training has kept no embedding");
+}
+
+bool ViewImages::HasKept(const ResidentModel& model, const ModelView& view) const {
+  return KeptFile(model, view).ok();
+}
+
+// The dataset of a model does not change. Where it has no such photograph, which then was a frame
+// of a video, or is deleted, the model's folder alone says whose the embedding is.
+absl::StatusOr<SamEmbedding> ViewImages::ReadKept(const ResidentModel& model, const ModelView& view,
+                                                  absl::FunctionRef<bool()> wanted) const {
+  ASSIGN_OR_RETURN(const std::filesystem::path kept, KeptFile(model, view));
   EmbeddingOrigin origin = {sam_->encoder_digest(), ""};
   StoredPhotographs photographs(deps_.store, deps_.blobs, deps_.photographs, model.id, wanted);
   const absl::StatusOr<DatasetFileRecord> file = photographs.Find(view);
   if (file.ok()) origin.photograph = file->sha256;
-  auto embedding = ReadKeptEmbedding(folder, view, origin);
+  auto embedding = ReadKeptEmbedding(kept.parent_path(), view, origin);
   if (!embedding.ok() && !absl::IsNotFound(embedding.status())) {
     spdlog::warn("SAM: a kept embedding is not used: {}", embedding.status().ToString());
   }

@@ -45,6 +45,8 @@ class ViewImages {
   absl::Status CheckAvailable(
       absl::string_view remedy = "leave sam_borders and sam_clicks out") const;
 
+  // Returns whether the training has kept what SAM needs of a view's photograph.
+  bool HasKept(const ResidentModel& model, const ModelView& view) const;
   // Returns what segments the images of the model's views; the model must outlive it as this must.
   // Its errors: those of `check`. FAILED_PRECONDITION: SAM's files are damaged. RESOURCE_EXHAUSTED:
   // out of memory, or SAM exceeds the budget of the models. UNAVAILABLE: models in use leave it no
@@ -75,6 +77,9 @@ class ViewImages {
   absl::StatusOr<const ViewEmbedding*> FindEmbedding(const ResidentModel& model,
                                                      const ModelView& view,
                                                      absl::FunctionRef<bool()> wanted);
+  // Returns the file with what the training has kept of the view's photograph.
+  absl::StatusOr<std::filesystem::path> KeptFile(const ResidentModel& model,
+                                                 const ModelView& view) const;
   // Reads what the training has kept. Damaged or missing files are errors, which the log has.
   absl::StatusOr<SamEmbedding> ReadKept(const ResidentModel& model, const ModelView& view,
                                         absl::FunctionRef<bool()> wanted) const;
