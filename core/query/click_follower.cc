@@ -73,11 +73,11 @@ absl::Status ClickFollower::Follow(std::span<const PointPrompt> clicks,
                                   [](const PointPrompt& click) { return click.positive; });
   std::rotate(clicks_.begin(), first, first + 1);
   RETURN_IF_ERROR(ReadFeatures(images_ == nullptr && !previous));
-  const size_t num_corrections = previous ? 1 : kMostCorrections;
-  const size_t num_first = clicks_.size() - std::min(clicks_.size() - 1, num_corrections);
-  for (size_t i = 0; i < clicks_.size(); ++i) {
+  const size_t last = clicks_.size() - 1;
+  const size_t first_answered = previous ? last : last - std::min(last, kMostCorrections);
+  for (size_t i = 0; i <= last; ++i) {
     AddClick(i);
-    if (i + 1 < num_first) continue;
+    if (i < first_answered) continue;
     RETURN_IF_ERROR(check());
     if (answer_ && IsAnswered(made_.back())) continue;
     std::vector<Option> options;

@@ -13,7 +13,6 @@
 #include "core/query/resolve_prompt.h"
 
 namespace pepeseg {
-
 namespace {
 
 absl::StatusOr<PromptMeaning> FindMeaning(const Segmenter& model, ImageSegmenter* images,

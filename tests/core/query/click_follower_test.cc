@@ -74,6 +74,9 @@ TEST_F(ClickFollowerTest, CorrectsAPreviousMaskAsItCorrectsItsOwn) {
   // The mask may come from elsewhere, and no point need be positive.
   EXPECT_EQ(Shown({right}, before), std::pair(true, true));
   EXPECT_EQ(Shown({not_left}, together), std::pair(false, true));
+  // Points before the last are not answered again.
+  const PointPrompt not_right = {kRightX, kY, false};
+  EXPECT_EQ(Shown({left, not_right, left}, together), std::pair(true, true));
   // A point that the mask answers changes nothing.
   BinaryMask half = before;
   std::fill(half.pixels.begin(), half.pixels.begin() + 20 * kSize, 0);
