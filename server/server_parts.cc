@@ -34,6 +34,8 @@
 namespace pepeseg {
 namespace {
 
+constexpr absl::string_view kSqlite = "sqlite:";  // before the path in the URL of a database
+
 // Memory that the server keeps for requests, uploads and queries, bytes.
 constexpr int64_t kServerReserve = int64_t{1} << 30;
 
@@ -151,7 +153,6 @@ absl::StatusOr<std::shared_ptr<const WordNet>> FindWordNet(const ServerOptions& 
 int NumCores() { return static_cast<int>(std::max(1u, std::thread::hardware_concurrency())); }
 
 absl::StatusOr<std::optional<LockedFile>> LockDatabase(const ServerOptions& options) {
-  constexpr absl::string_view kSqlite = "sqlite:";
   const std::string url = DatabaseUrl(options);
   if (!absl::StartsWith(url, kSqlite)) return std::nullopt;
   // The real path: a link to the file, or to a folder above it, names the same database.
@@ -170,7 +171,13 @@ absl::StatusOr<std::optional<LockedFile>> LockDatabase(const ServerOptions& opti
 absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
   const std::string url = DatabaseUrl(options);
   // A SQLite database has one server, which holds all jobs without a lease.
-  if (!IsShared(options)) return Store::Open(url);
+  if (!IsShared(options)) {
+    auto store = Store::Open(url);
+    if (store.ok() || !absl::StartsWith(url, kSqlite)) return store;
+    // The operator may not know where the data is: by default in a folder of the home directory.
+    return absl::Status(store.status().code(),
+                        absl::StrCat(url.substr(kSqlite.size()), ": ", store.status().message()));
+  }
   return Store::Open(url, {HolderName(), absl::Seconds(options.launch.lease_seconds)});
 }
 

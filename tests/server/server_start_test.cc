@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "server/server_parts.h"
+#include "server/store/layout.h"
 #include "tests/server/running_server.h"
 #include "tests/testing/fake_sam.h"
 #include "tests/testing/status_testing.h"
@@ -39,6 +40,16 @@ TEST(ServerStart, RefusesAMissingWorkerAndADataDirectoryInUse) {
   EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition, "another server");
   first.reset();
   EXPECT_OK(Server::Start(options));
+}
+
+// The default data directory is in the home directory, which not everybody knows.
+TEST(ServerStart, NamesTheFileOfADatabaseThatDoesNotOpen) {
+  const testing::TempFolder folder;
+  const std::filesystem::path file = DatabasePath(folder.path());
+  std::ofstream(file) << std::string(5000, 'x');
+  const absl::Status status = Server::Start(OptionsIn(folder)).status();
+  EXPECT_FALSE(status.ok());
+  EXPECT_NE(status.message().find(file.string() + ": "), absl::string_view::npos) << status;
 }
 
 TEST(ServerStart, RefusesADeviceThatIsNotAvailable) {
