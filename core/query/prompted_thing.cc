@@ -135,9 +135,9 @@ absl::StatusOr<SegmentResult> PromptedThing::In(const ModelView& target,
   with_similarity.want_similarity = true;  // SetMask needs it
   SegmentResult result;
   if (target.name == view_.name) {
-    if (meaning_.query.features.empty()) RETURN_IF_ERROR(Fit());
-    ASSIGN_OR_RETURN(result, MaskOf(meaning_.query.features.empty() ? *query_ : meaning_.query,
-                                    target, with_similarity));
+    const bool is_known = !meaning_.query.features.empty();
+    if (!is_known) RETURN_IF_ERROR(Fit());
+    ASSIGN_OR_RETURN(result, MaskOf(is_known ? meaning_.query : *query_, target, with_similarity));
     SetMask(meaning_.mask, result);
     result.border_image = meaning_.image;
   } else {

@@ -92,11 +92,9 @@ absl::Status NewSelection::ReadPrompt() {
     RETURN_IF_ERROR(tools_.images.CheckAvailable("leave sam_clicks out"));
     RETURN_IF_ERROR(CheckForSam(request_.prompt(), request_.granularity()));
   }
-  const bool is_for_sam = request_.has_sam_clicks()
-                              ? request_.sam_clicks()
-                              : SuitsSam(model_->model(), tools_.images) &&
-                                    IsForSam(request_.prompt(), request_.granularity());
-  if (is_for_sam) images_ = tools_.images.SegmenterOf(model_);
+  if (AnswersBySam(request_, model_->model(), tools_.images)) {
+    images_ = tools_.images.SegmenterOf(model_);
+  }
   asked_.images = images_.get();
   return absl::OkStatus();
 }

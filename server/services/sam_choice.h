@@ -18,6 +18,14 @@ absl::Status CheckForSam(const v1::Prompt& prompt, const v1::Granularity& granul
 // gains by SAM: tests/bench/results/sam_clicks.md, borders.md.
 bool SuitsSam(const Model& model, const ViewImages& images);
 
+// Returns whether SAM and the model answer a request's prompt together: as it asks or, where it
+// leaves sam_clicks out, where that suits the model.
+template <class Request>
+bool AnswersBySam(const Request& request, const Model& model, const ViewImages& images) {
+  if (request.has_sam_clicks()) return request.sam_clicks();
+  return IsForSam(request.prompt(), request.granularity()) && SuitsSam(model, images);
+}
+
 // Returns whether an error is SAM's own, so that an answer without it is better than none.
 bool IsSamsFault(const absl::Status& status);
 

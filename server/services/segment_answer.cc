@@ -61,9 +61,7 @@ absl::Status SegmentAnswer::ChooseSam(const SegmentTools& tools) {
   const absl::Status few = CheckSamTargets(asked_.targets.size());
   const bool are_few = few.ok() && (asked_.targets.size() <= kMaxNewTargets ||
                                     tools.images.HasKept(model_, asked_.targets.back()));
-  asked_.image_clicks = request_.has_sam_clicks()
-                            ? request_.sam_clicks()
-                            : suits && IsForSam(request_.prompt(), request_.granularity());
+  asked_.image_clicks = AnswersBySam(request_, model_->model(), tools.images);
   asked_.image_borders = request_.has_sam_borders()
                              ? request_.sam_borders()
                              : suits && are_few && asked_.options.refine_borders;
