@@ -22,7 +22,7 @@ struct CorrectedScales {
   FeatureRow price{};  // of a change, by channel
 };
 
-// What a correction may do to each Gaussian.
+// The change that a correction may make to each Gaussian.
 struct FeatureMoves {
   std::vector<uint8_t> pull, push;  // [num_gaussians] 0 or 1
 };

@@ -12,7 +12,7 @@ namespace pepeseg {
 // Length of a feature under which a Gaussian has none: no mask ever reached it.
 inline constexpr float kMinFeatureNorm = 0.1f;
 
-// What the corrected views show of each Gaussian: sums of blend weights over their pixels.
+// The parts of each Gaussian that the corrected views show: sums of blend weights over pixels.
 struct MaskVotes {
   std::vector<float> inside, seen;  // [num_gaussians]
 

@@ -80,8 +80,8 @@ Overloaded(Kinds...) -> Overloaded<Kinds...>;
 struct Prompt {
   ModelView view;
   Shape what;
-  // Of points: the answer to all but the last, which corrects this mask. Absent: all points are
-  // answered, one after the other.
+  // The answer to all points but the last, which then corrects this mask. Absent: all points are
+  // answered, one after the other. Only points may have one.
   std::optional<BinaryMask> previous = {};
 };
 

@@ -15,7 +15,7 @@ struct PromptMeaning {
   // Whether the query gives the mask in the view, and so the thing in any other one. Else clicks
   // changed only a part of what it gives, or an image segmenter saw the mask.
   bool is_of_query = false;
-  // What the query gives in the view, of which clicks changed a part; without pixels: otherwise.
+  // The mask that the query gives in the view, if clicks changed a part of it; else no pixels.
   BinaryMask unchanged = {};
   // In which the segmenter saw the mask; kNone: the model alone gave it.
   BorderImage image = BorderImage::kNone;

@@ -58,8 +58,8 @@ class PromptedThing {
   ImageSegmenter* images_;  // may be null
   ModelView view_;          // of the prompt
   PromptMeaning meaning_;   // in view_
-  // That fits the mask of the meaning best; absent until it is needed. No features: the model shows
-  // nothing there.
+  // The query that fits the mask of the meaning best; absent until it is needed. No features: the
+  // model shows nothing there.
   std::optional<Query> query_;
   std::optional<ViewDepth> depth_;  // of view_; absent until another view is asked for
 };
