@@ -5,12 +5,17 @@
 
 #include <algorithm>
 #include <atomic>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
 #include "server/observe/process_use.h"
 #include "tests/server/health_check.h"
@@ -94,6 +99,25 @@ double CpuInASecond() {
   return absl::FDivDuration(MeasureProcess().cpu_time - before, kLong);
 }
 
+// Returns whether gRPC started a thread with this name.
+bool IsOfGrpc(const std::string& name) {
+  constexpr absl::string_view kStarts[] = {"default-exec", "resolver-exec",  "event_engine",
+                                           "grpc",         "nexting_thread", "timer_manager"};
+  return std::any_of(std::begin(kStarts), std::end(kStarts),
+                     [&](absl::string_view start) { return absl::StartsWith(name, start); });
+}
+
+// Returns the number of threads of this process without those of gRPC.
+int NumOwnThreads() {
+  int num = 0;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::string name;
+    // A thread that ended meanwhile has no name.
+    if (std::getline(std::ifstream(task.path() / "comm"), name) && !IsOfGrpc(name)) ++num;
+  }
+  return num;
+}
+
 // Watchers of the idle job, on connections that stay open.
 class Watchers {
  public:
@@ -155,10 +179,10 @@ WatchersReport RunWatchers(LoadedServer& server, int num_watchers, int num_round
   std::vector<double> ratios;
   for (int round = 0; round < num_rounds; ++round) {
     const std::vector<absl::Duration> without = ask();
-    if (round == 0) report.num_threads_without = server.Status().num_threads();
+    if (round == 0) report.num_threads_without = NumOwnThreads();
     report.num_streams = watchers.Open();
     const std::vector<absl::Duration> with = ask();
-    report.num_threads = server.Status().num_threads();
+    report.num_threads = NumOwnThreads();
     watchers.Close();
     ratios.push_back(absl::FDivDuration(Quantile(with, 0.5), Quantile(without, 0.5)));
     all_without.insert(all_without.end(), without.begin(), without.end());

@@ -38,7 +38,8 @@ struct WatchersReport {
   double watchers_cpu = 0;
   double p50_ratio = 0;  // median of the rounds' ratios of medians, with to without watchers
   int num_streams = 0;   // number of streams that the server reported
-  // Threads of the process without and with watchers: the server's, and gRPC's of the client.
+  // Threads of the process without and with watchers, without those that gRPC starts: how many
+  // those are depends on the load.
   int num_threads_without = 0, num_threads = 0;
   int pool_threads = 0;  // threads of the server's pools
 };

@@ -4,9 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <thread>
-
 #include "tests/testing/full_stress.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/time_limit.h"
@@ -24,19 +21,10 @@ bool AreQueriesSlower(const WatchersReport& report) {
 }
 
 void ExpectNoThreadsOfWatchers(const WatchersReport& report) {
-  const int cores = std::max(2, static_cast<int>(std::thread::hardware_concurrency()));
-  // gRPC starts another executor thread when all are busy, up to two per core, and another timer
-  // thread when all of those are, and keeps them. Their number depends on the load and not on the
-  // watchers.
-  const int of_load = 2 * cores - 1 + 2;
-  EXPECT_LE(report.num_threads, report.num_threads_without + of_load);
-  // The pools of the admin service and of photographs, and the thread that computes; the threads
-  // that accept connections, end streams and check blobs; and gRPC's threads of the client in this
-  // process and of the server, which are more on more cores.
-  constexpr int kOtherPools = 2 + 2 + 1 + 3 + 2;
-  constexpr int kMoreTimers = 2;
-  EXPECT_LE(report.num_threads,
-            report.pool_threads + kOtherPools + kMoreTimers + 20 + 3 * (cores - 2));
+  EXPECT_LE(report.num_threads, report.num_threads_without + 2);
+  // Few threads are outside the pools: those that accept connections, compute, end streams, check
+  // blobs, write metrics and answer other services. Counted: 19 on two cores.
+  EXPECT_LE(report.num_threads, report.pool_threads + 30);
 }
 
 TEST(Load, IdleWatchersCostNoThreadsAndHardlySlowQueries) {
