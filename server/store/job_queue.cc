@@ -12,6 +12,8 @@ namespace {
 
 constexpr int64_t kNever = std::numeric_limits<int64_t>::max();
 constexpr int64_t kAll = int64_t{1} << 40;  // limit of a SELECT that returns everything
+// Time back from now within which a project's use of devices counts against it.
+constexpr absl::Duration kShareWindow = absl::Hours(1);
 
 // Returns the job of an attempt, or ABORTED if the attempt has lost its claim.
 absl::StatusOr<JobRecord> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence,
@@ -93,27 +95,40 @@ int64_t LeaseEnd(soci::session& sql, const JobQueue::Holder& holder) {
   return DatabaseMicros(sql) + absl::ToInt64Microseconds(holder.lease);
 }
 
-// Returns the number of the oldest job that may be claimed, or 0. PostgreSQL skips jobs that other
-// servers are claiming at the moment, instead of waiting for them.
+// Returns the number of the job to claim, or 0. PostgreSQL skips jobs that other servers are
+// claiming at the moment, instead of waiting for them.
 //
 // The quota of running jobs applies to QUEUED jobs only: a RUNNING job whose lease has expired
-// counts in its project already. The subquery selects the projects that run as many jobs as they
-// may: `most` for those without a value of their own.
+// counts in its project already. The subquery of the quota selects the projects that run as many
+// jobs as they may: `most` for those without a value of their own.
+//
+// `shares` has what each project runs now, and how long its jobs ran within kShareWindow. The time
+// of a job counts from the start of its newest attempt, which is all that the store keeps.
 int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
   // SQLite has no row locks; its transactions are IMMEDIATE, so that claims follow one another.
   const std::string unlocked =
-      sql.get_backend_name() == "postgresql" ? " FOR UPDATE SKIP LOCKED" : "";
+      sql.get_backend_name() == "postgresql" ? " FOR UPDATE OF jobs SKIP LOCKED" : "";
   const int64_t now = DatabaseMicros(sql);
+  const int64_t since = now - absl::ToInt64Microseconds(kShareWindow);
   const int64_t most = defaults.running_jobs > 0 ? defaults.running_jobs : kNever;
   int64_t number = 0;
-  sql << "SELECT number FROM jobs WHERE (state = 1 AND lease_end < :now) OR (state = 0 AND"
-         " not_before <= :queued_until AND scene NOT IN (SELECT id FROM scenes WHERE project IN ("
+  sql << "SELECT jobs.number FROM jobs JOIN scenes ON scenes.id = jobs.scene LEFT JOIN ("
+         "SELECT s.project AS project, SUM(CASE WHEN r.state = 1 THEN 1 ELSE 0 END) AS running,"
+         " SUM(CASE WHEN r.state = 1 THEN :now1 ELSE r.end_time END -"
+         " CASE WHEN r.start_time > :since1 THEN r.start_time ELSE :since2 END) AS used"
+         " FROM jobs r JOIN scenes s ON s.id = r.scene"
+         " WHERE r.start_time > 0 AND (r.state = 1 OR r.end_time > :since3) GROUP BY s.project"
+         ") shares ON shares.project = scenes.project"
+         " WHERE (jobs.state = 1 AND jobs.lease_end < :now2) OR (jobs.state = 0 AND"
+         " jobs.not_before <= :now3 AND scenes.project NOT IN ("
          "SELECT s.project FROM jobs r JOIN scenes s ON s.id = r.scene"
          " LEFT JOIN projects p ON p.id = s.project WHERE r.state = 1 GROUP BY s.project"
-         " HAVING COUNT(*) >= COALESCE(NULLIF(MAX(p.running_jobs), 0), :most))))"
-         " ORDER BY number LIMIT 1"
+         " HAVING COUNT(*) >= COALESCE(NULLIF(MAX(p.running_jobs), 0), :most)))"
+         " ORDER BY CASE WHEN jobs.state = 1 THEN 0 ELSE 1 END, COALESCE(shares.running, 0),"
+         " COALESCE(shares.used, 0), jobs.number LIMIT 1"
       << unlocked,
-      soci::use(now), soci::use(now), soci::use(most), soci::into(number);
+      soci::use(now), soci::use(since), soci::use(since), soci::use(since), soci::use(now),
+      soci::use(now), soci::use(most), soci::into(number);
   return sql.got_data() ? number : 0;
 }
 

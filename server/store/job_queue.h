@@ -30,8 +30,10 @@ class JobQueue {
   JobQueue(Database& database, const Holder& holder, const Quota& defaults)
       : database_(database), holder_(holder), defaults_(defaults) {}
 
-  // Claims the oldest job that is QUEUED, or RUNNING with an expired lease. It becomes RUNNING on
-  // `device` under the next fence, for the length of a lease. A job that a launcher still runs for
+  // Claims a job that is QUEUED, or RUNNING with an expired lease, and these first. Of the queued
+  // jobs it takes the one of the project that runs the fewest jobs; then of the project whose jobs
+  // ran for the least time within the last hour; then the oldest. It becomes RUNNING on `device`
+  // under the next fence, for the length of a lease. A job that a launcher still runs for
   // a holder whose lease has expired keeps its fence, device and launch: only its holder changes.
   // Passes over queued jobs that pause after a crash, and those of a project that runs as many jobs
   // as its quota allows. Returns nullopt if there is nothing to claim.

@@ -29,9 +29,9 @@ class StoreQueueTest : public ::testing::Test {
   }
 
   // Creates a queued job of a new scene and returns its id.
-  std::string Queue(Store& store) {
+  std::string Queue(Store& store, const std::string& project = kDefaultProject) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
-    EXPECT_OK(store.scenes().CreateScene(NewScene(scene)));
+    EXPECT_OK(store.scenes().CreateScene(NewScene(scene, "", "", project)));
     EXPECT_OK(
         store.datasets().CreateDataset(SceneOf(store, scene), "", {{"a.jpg", 1, 3, "00", true}}));
     EXPECT_OK(store.datasets().SealDataset(SceneOf(store, scene), 1));
@@ -71,6 +71,37 @@ TEST_F(StoreQueueTest, DoesNotClaimAJobWhoseLeaseIsRenewed) {
     ASSERT_EQ(held.size(), 1u);
     EXPECT_EQ(held[0].id, job);
     EXPECT_FALSE((*b->queue().ClaimJob("cpu")).has_value());
+  }
+}
+
+TEST_F(StoreQueueTest, ClaimsForTheProjectThatRunsTheFewestJobs) {
+  const auto store = Open("a", absl::Seconds(60));
+  const std::string first = Queue(*store, "many");
+  const std::string second = Queue(*store, "many");
+  const std::string third = Queue(*store, "many");
+  const std::string late = Queue(*store, "few");
+  std::vector<std::string> claimed;
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> job, store->queue().ClaimJob("cpu"));
+    ASSERT_TRUE(job.has_value());
+    claimed.push_back(job->id);
+  }
+  EXPECT_THAT(claimed, ::testing::ElementsAre(first, late, second, third));
+}
+
+TEST_F(StoreQueueTest, ClaimsForTheProjectWhoseJobsRanTheLeast) {
+  const auto store = Open("a", absl::Seconds(60));
+  const std::string ended = Queue(*store, "before");
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> ran, store->queue().ClaimJob("cpu"));
+  ASSERT_TRUE(ran.has_value());
+  absl::SleepFor(absl::Milliseconds(2));
+  EXPECT_OK(store->queue().EndJob(ended, 1, absl::InternalError("x")));
+  const std::string older = Queue(*store, "before");
+  const std::string newer = Queue(*store, "now");
+  for (const std::string& next : {newer, older}) {
+    ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> job, store->queue().ClaimJob("cpu"));
+    ASSERT_TRUE(job.has_value());
+    EXPECT_EQ(job->id, next);
   }
 }
 
