@@ -19,7 +19,7 @@ from pepeseg.v1 import scene_service_pb2 as pepeseg_dot_v1_dot_scene__service__p
 from pepeseg.v1 import training_options_pb2 as pepeseg_dot_v1_dot_training__options__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cpepeseg/v1/job_service.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/errors.proto\x1a\x1epepeseg/v1/scene_service.proto\x1a!pepeseg/v1/training_options.proto\"\xdd\x03\n\x03Job\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05scene\x18\x02 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x03 \x01(\t\x12#\n\x05state\x18\x04 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12#\n\x05stage\x18\x05 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x36\n\x11\x65\x66\x66\x65\x63tive_options\x18\x06 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\x12)\n\x08progress\x18\x07 \x01(\x0b\x32\x17.pepeseg.v1.JobProgress\x12 \n\x05\x65rror\x18\x08 \x01(\x0b\x32\x11.pepeseg.v1.Error\x12\r\n\x05model\x18\t \x01(\t\x12/\n\x0b\x63reate_time\x18\n \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12.\n\nstart_time\x18\x0b \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12,\n\x08\x65nd_time\x18\x0c \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x18\n\x10\x63\x61ncel_requested\x18\r \x01(\x08\x12\x0e\n\x06\x64\x65vice\x18\x0e \x01(\t\x12\x11\n\twaits_for\x18\x0f \x01(\t\"\xb7\x05\n\x0bJobProgress\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x0c\n\x04step\x18\x02 \x01(\x03\x12\x11\n\tnum_steps\x18\x03 \x01(\x03\x12\x11\n\x04loss\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x11\n\x04psnr\x18\x05 \x01(\x01H\x01\x88\x01\x01\x12\x15\n\rnum_gaussians\x18\x06 \x01(\x03\x12*\n\x07\x65lapsed\x18\t \x01(\x0b\x32\x19.google.protobuf.Duration\x12&\n\x03\x65ta\x18\n \x01(\x0b\x32\x19.google.protobuf.Duration\x12\x18\n\x10steps_per_second\x18\x0b \x01(\x01\x12\x14\n\x0cmemory_bytes\x18\x0c \x01(\x03\x12\x10\n\x08\x61\x63tivity\x18\x14 \x01(\t\x12\x0c\n\x04unit\x18\x15 \x01(\t\x12*\n\x07job_eta\x18\x16 \x01(\x0b\x32\x19.google.protobuf.Duration\x12\x14\n\x0cstage_number\x18\x17 \x01(\x05\x12\x12\n\nnum_stages\x18\x18 \x01(\x05\x12\x38\n\x0b\x64iagnostics\x18\x19 \x01(\x0b\x32#.pepeseg.v1.JobProgress.Diagnostics\x1a\xde\x01\n\x0b\x44iagnostics\x12\x1d\n\x15num_culled_degenerate\x18\x01 \x01(\x03\x12\x1d\n\x15num_skipped_gradients\x18\x02 \x01(\x03\x12\x1e\n\x16num_overflowed_renders\x18\x03 \x01(\x03\x12\x13\n\x0bnum_refined\x18\x04 \x01(\x03\x12\x18\n\x10num_refine_split\x18\x05 \x01(\x03\x12\x17\n\ndepth_loss\x18\x06 \x01(\x01H\x00\x88\x01\x01\x12\x1a\n\x12num_skipped_depths\x18\x07 \x01(\x03\x42\r\n\x0b_depth_lossB\x07\n\x05_lossB\x07\n\x05_psnr\"\xa1\r\n\x08JobEvent\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12(\n\x04time\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12#\n\x08snapshot\x18\x03 \x01(\x0b\x32\x0f.pepeseg.v1.JobH\x00\x12:\n\rstage_started\x18\x04 \x01(\x0b\x32!.pepeseg.v1.JobEvent.StageStartedH\x00\x12+\n\x08progress\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.JobProgressH\x00\x12/\n\x07warning\x18\x06 \x01(\x0b\x32\x1c.pepeseg.v1.JobEvent.WarningH\x00\x12:\n\rstate_changed\x18\x07 \x01(\x0b\x32!.pepeseg.v1.JobEvent.StateChangedH\x00\x12\x33\n\theartbeat\x18\x08 \x01(\x0b\x32\x1e.pepeseg.v1.JobEvent.HeartbeatH\x00\x12\x36\n\x0bstage_ended\x18\t \x01(\x0b\x32\x1f.pepeseg.v1.JobEvent.StageEndedH\x00\x12\x38\n\x0cterm_skipped\x18\n \x01(\x0b\x32 .pepeseg.v1.JobEvent.TermSkippedH\x00\x12/\n\x07preview\x18\x0b \x01(\x0b\x32\x1c.pepeseg.v1.JobEvent.PreviewH\x00\x12<\n\x0esnapshot_taken\x18\x0c \x01(\x0b\x32\".pepeseg.v1.JobEvent.SnapshotTakenH\x00\x1a\x33\n\x0cStageStarted\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x1a\x8d\x02\n\nStageEnded\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12*\n\x07\x65lapsed\x18\x02 \x01(\x0b\x32\x19.google.protobuf.Duration\x12=\n\x07metrics\x18\x03 \x03(\x0b\x32,.pepeseg.v1.JobEvent.StageEnded.MetricsEntry\x12.\n\x05views\x18\x04 \x03(\x0b\x32\x1f.pepeseg.v1.JobEvent.ViewScores\x12\x0f\n\x07skipped\x18\x05 \x01(\t\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x1a\x43\n\nViewScores\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\'\n\x06scores\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.ImageScores\x1a\x1a\n\x07Warning\x12\x0f\n\x07message\x18\x01 \x01(\t\x1a\xe6\x02\n\x0bTermSkipped\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x33\n\x04term\x18\x02 \x01(\x0e\x32%.pepeseg.v1.JobEvent.TermSkipped.Term\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0c\n\x04step\x18\x04 \x01(\x03\x12\x13\n\x0bsaved_steps\x18\x05 \x01(\x03\x12(\n\x05saved\x18\x06 \x01(\x0b\x32\x19.google.protobuf.Duration\"\x9f\x01\n\x04Term\x12\x14\n\x10TERM_UNSPECIFIED\x10\x00\x12\x0e\n\nTERM_DEPTH\x10\x01\x12\x13\n\x0fTERM_REFINEMENT\x10\x02\x12\x0e\n\nTERM_BANDS\x10\x03\x12\x0e\n\nTERM_STEPS\x10\x04\x12\x13\n\x0fTERM_BACKGROUND\x10\x05\x12\x12\n\x0eTERM_CENTROIDS\x10\x06\x12\x13\n\x0fTERM_PERCEPTION\x10\x07\x1a\x64\n\x0cStateChanged\x12#\n\x05state\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12 \n\x05\x65rror\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Error\x12\r\n\x05model\x18\x03 \x01(\t\x1a\x8a\x01\n\x07Preview\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x0c\n\x04step\x18\x02 \x01(\x03\x12\x11\n\tnum_steps\x18\x03 \x01(\x03\x12\x0c\n\x04view\x18\x04 \x01(\t\x12\r\n\x05width\x18\x05 \x01(\x05\x12\x0e\n\x06height\x18\x06 \x01(\x05\x12\x0c\n\x04jpeg\x18\x07 \x01(\x0c\x1a\x30\n\rSnapshotTaken\x12\x0c\n\x04step\x18\x01 \x01(\x03\x12\x11\n\tnum_steps\x18\x02 \x01(\x03\x1a\x0b\n\tHeartbeatB\x07\n\x05\x65vent\"\x8c\x01\n\x11TrainSceneRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x02 \x01(\t\x12,\n\x07options\x18\x03 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12\x15\n\rvalidate_only\x18\x05 \x01(\x08\"g\n\x17\x45stimateTrainingRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x02 \x01(\t\x12,\n\x07options\x18\x03 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\"\x94\x03\n\x18\x45stimateTrainingResponse\x12:\n\x06stages\x18\x01 \x03(\x0b\x32*.pepeseg.v1.EstimateTrainingResponse.Stage\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12\x12\n\nneed_bytes\x18\x03 \x01(\x03\x12\x12\n\nhave_bytes\x18\x04 \x01(\x03\x12\x11\n\tnum_views\x18\x05 \x01(\x03\x12\x12\n\nmax_pixels\x18\x06 \x01(\x03\x12\x12\n\nnum_points\x18\x07 \x01(\x03\x12\x16\n\x0enum_mask_files\x18\x08 \x01(\x03\x12+\n\x08\x64uration\x18\t \x01(\x0b\x32\x19.google.protobuf.Duration\x1a\x83\x01\n\x05Stage\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x14\n\x0c\x64\x65vice_bytes\x18\x02 \x01(\x03\x12\x12\n\nhost_bytes\x18\x03 \x01(\x03\x12+\n\x08\x64uration\x18\x04 \x01(\x0b\x32\x19.google.protobuf.Duration\"X\n\x1aListTrainingOptionsRequest\x12/\n\x06preset\x18\x01 \x01(\x0e\x32\x1a.pepeseg.v1.TrainingPresetH\x00\x88\x01\x01\x42\t\n\x07_preset\"Y\n\x0eTrainingOption\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x15\n\rdefault_value\x18\x02 \x01(\t\x12\r\n\x05range\x18\x03 \x01(\t\x12\x13\n\x0b\x64\x65scription\x18\x04 \x01(\t\"J\n\x1bListTrainingOptionsResponse\x12+\n\x07options\x18\x01 \x03(\x0b\x32\x1a.pepeseg.v1.TrainingOption\"\x1d\n\rGetJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"l\n\x0fListJobsRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12#\n\x05state\x18\x02 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12\x11\n\tpage_size\x18\x03 \x01(\x05\x12\x12\n\npage_token\x18\x04 \x01(\t\"J\n\x10ListJobsResponse\x12\x1d\n\x04jobs\x18\x01 \x03(\x0b\x32\x0f.pepeseg.v1.Job\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\" \n\x10\x43\x61ncelJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"O\n\x0fWatchJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x1b\n\x0e\x61\x66ter_sequence\x18\x02 \x01(\x03H\x00\x88\x01\x01\x42\x11\n\x0f_after_sequence*\x9a\x01\n\x08JobState\x12\x19\n\x15JOB_STATE_UNSPECIFIED\x10\x00\x12\x14\n\x10JOB_STATE_QUEUED\x10\x01\x12\x15\n\x11JOB_STATE_RUNNING\x10\x02\x12\x17\n\x13JOB_STATE_SUCCEEDED\x10\x03\x12\x14\n\x10JOB_STATE_FAILED\x10\x04\x12\x17\n\x13JOB_STATE_CANCELLED\x10\x05*\xc5\x01\n\x08JobStage\x12\x19\n\x15JOB_STAGE_UNSPECIFIED\x10\x00\x12\x15\n\x11JOB_STAGE_PREPARE\x10\x01\x12\x11\n\rJOB_STAGE_SFM\x10\x02\x12\x14\n\x10JOB_STAGE_PRIORS\x10\x03\x12\x19\n\x15JOB_STAGE_RECONSTRUCT\x10\x04\x12\x16\n\x12JOB_STAGE_EVALUATE\x10\x05\x12\x16\n\x12JOB_STAGE_FEATURES\x10\x06\x12\x13\n\x0fJOB_STAGE_INDEX\x10\x07\x32\x8a\x05\n\nJobService\x12V\n\nTrainScene\x12\x1d.pepeseg.v1.TrainSceneRequest\x1a\x0f.pepeseg.v1.Job\"\x18\x8a\xe2\x18\x14\x08\x03\x12\x05scene\x12\x07\x64\x61taset\x18\x01\x12w\n\x10\x45stimateTraining\x12#.pepeseg.v1.EstimateTrainingRequest\x1a$.pepeseg.v1.EstimateTrainingResponse\"\x18\x8a\xe2\x18\x14\x08\x01\x12\x05scene\x12\x07\x64\x61taset\x18\x01\x12p\n\x13ListTrainingOptions\x12&.pepeseg.v1.ListTrainingOptionsRequest\x1a\'.pepeseg.v1.ListTrainingOptionsResponse\"\x08\x8a\xe2\x18\x04\x08\x01\x18\x01\x12\x44\n\x06GetJob\x12\x19.pepeseg.v1.GetJobRequest\x1a\x0f.pepeseg.v1.Job\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12V\n\x08ListJobs\x12\x1b.pepeseg.v1.ListJobsRequest\x1a\x1c.pepeseg.v1.ListJobsResponse\"\x0f\x8a\xe2\x18\x0b\x08\x01\x12\x05scene\x18\x01\x12J\n\tCancelJob\x12\x1c.pepeseg.v1.CancelJobRequest\x1a\x0f.pepeseg.v1.Job\"\x0e\x8a\xe2\x18\n\x08\x03\x12\x04name\x18\x01\x12O\n\x08WatchJob\x12\x1b.pepeseg.v1.WatchJobRequest\x1a\x14.pepeseg.v1.JobEvent\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x30\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1cpepeseg/v1/job_service.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/errors.proto\x1a\x1epepeseg/v1/scene_service.proto\x1a!pepeseg/v1/training_options.proto\"\xdd\x03\n\x03Job\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05scene\x18\x02 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x03 \x01(\t\x12#\n\x05state\x18\x04 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12#\n\x05stage\x18\x05 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x36\n\x11\x65\x66\x66\x65\x63tive_options\x18\x06 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\x12)\n\x08progress\x18\x07 \x01(\x0b\x32\x17.pepeseg.v1.JobProgress\x12 \n\x05\x65rror\x18\x08 \x01(\x0b\x32\x11.pepeseg.v1.Error\x12\r\n\x05model\x18\t \x01(\t\x12/\n\x0b\x63reate_time\x18\n \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12.\n\nstart_time\x18\x0b \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12,\n\x08\x65nd_time\x18\x0c \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x18\n\x10\x63\x61ncel_requested\x18\r \x01(\x08\x12\x0e\n\x06\x64\x65vice\x18\x0e \x01(\t\x12\x11\n\twaits_for\x18\x0f \x01(\t\"\xb7\x05\n\x0bJobProgress\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x0c\n\x04step\x18\x02 \x01(\x03\x12\x11\n\tnum_steps\x18\x03 \x01(\x03\x12\x11\n\x04loss\x18\x04 \x01(\x01H\x00\x88\x01\x01\x12\x11\n\x04psnr\x18\x05 \x01(\x01H\x01\x88\x01\x01\x12\x15\n\rnum_gaussians\x18\x06 \x01(\x03\x12*\n\x07\x65lapsed\x18\t \x01(\x0b\x32\x19.google.protobuf.Duration\x12&\n\x03\x65ta\x18\n \x01(\x0b\x32\x19.google.protobuf.Duration\x12\x18\n\x10steps_per_second\x18\x0b \x01(\x01\x12\x14\n\x0cmemory_bytes\x18\x0c \x01(\x03\x12\x10\n\x08\x61\x63tivity\x18\x14 \x01(\t\x12\x0c\n\x04unit\x18\x15 \x01(\t\x12*\n\x07job_eta\x18\x16 \x01(\x0b\x32\x19.google.protobuf.Duration\x12\x14\n\x0cstage_number\x18\x17 \x01(\x05\x12\x12\n\nnum_stages\x18\x18 \x01(\x05\x12\x38\n\x0b\x64iagnostics\x18\x19 \x01(\x0b\x32#.pepeseg.v1.JobProgress.Diagnostics\x1a\xde\x01\n\x0b\x44iagnostics\x12\x1d\n\x15num_culled_degenerate\x18\x01 \x01(\x03\x12\x1d\n\x15num_skipped_gradients\x18\x02 \x01(\x03\x12\x1e\n\x16num_overflowed_renders\x18\x03 \x01(\x03\x12\x13\n\x0bnum_refined\x18\x04 \x01(\x03\x12\x18\n\x10num_refine_split\x18\x05 \x01(\x03\x12\x17\n\ndepth_loss\x18\x06 \x01(\x01H\x00\x88\x01\x01\x12\x1a\n\x12num_skipped_depths\x18\x07 \x01(\x03\x42\r\n\x0b_depth_lossB\x07\n\x05_lossB\x07\n\x05_psnr\"\xb1\x0c\n\x08JobEvent\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12(\n\x04time\x18\x02 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12#\n\x08snapshot\x18\x03 \x01(\x0b\x32\x0f.pepeseg.v1.JobH\x00\x12:\n\rstage_started\x18\x04 \x01(\x0b\x32!.pepeseg.v1.JobEvent.StageStartedH\x00\x12+\n\x08progress\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.JobProgressH\x00\x12/\n\x07warning\x18\x06 \x01(\x0b\x32\x1c.pepeseg.v1.JobEvent.WarningH\x00\x12:\n\rstate_changed\x18\x07 \x01(\x0b\x32!.pepeseg.v1.JobEvent.StateChangedH\x00\x12\x33\n\theartbeat\x18\x08 \x01(\x0b\x32\x1e.pepeseg.v1.JobEvent.HeartbeatH\x00\x12\x36\n\x0bstage_ended\x18\t \x01(\x0b\x32\x1f.pepeseg.v1.JobEvent.StageEndedH\x00\x12\x38\n\x0cterm_skipped\x18\n \x01(\x0b\x32 .pepeseg.v1.JobEvent.TermSkippedH\x00\x12/\n\x07preview\x18\x0b \x01(\x0b\x32\x1c.pepeseg.v1.JobEvent.PreviewH\x00\x1a\x33\n\x0cStageStarted\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x1a\x8d\x02\n\nStageEnded\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12*\n\x07\x65lapsed\x18\x02 \x01(\x0b\x32\x19.google.protobuf.Duration\x12=\n\x07metrics\x18\x03 \x03(\x0b\x32,.pepeseg.v1.JobEvent.StageEnded.MetricsEntry\x12.\n\x05views\x18\x04 \x03(\x0b\x32\x1f.pepeseg.v1.JobEvent.ViewScores\x12\x0f\n\x07skipped\x18\x05 \x01(\t\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\x1a\x43\n\nViewScores\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\'\n\x06scores\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.ImageScores\x1a\x1a\n\x07Warning\x12\x0f\n\x07message\x18\x01 \x01(\t\x1a\xe6\x02\n\x0bTermSkipped\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x33\n\x04term\x18\x02 \x01(\x0e\x32%.pepeseg.v1.JobEvent.TermSkipped.Term\x12\x0e\n\x06reason\x18\x03 \x01(\t\x12\x0c\n\x04step\x18\x04 \x01(\x03\x12\x13\n\x0bsaved_steps\x18\x05 \x01(\x03\x12(\n\x05saved\x18\x06 \x01(\x0b\x32\x19.google.protobuf.Duration\"\x9f\x01\n\x04Term\x12\x14\n\x10TERM_UNSPECIFIED\x10\x00\x12\x0e\n\nTERM_DEPTH\x10\x01\x12\x13\n\x0fTERM_REFINEMENT\x10\x02\x12\x0e\n\nTERM_BANDS\x10\x03\x12\x0e\n\nTERM_STEPS\x10\x04\x12\x13\n\x0fTERM_BACKGROUND\x10\x05\x12\x12\n\x0eTERM_CENTROIDS\x10\x06\x12\x13\n\x0fTERM_PERCEPTION\x10\x07\x1a\x64\n\x0cStateChanged\x12#\n\x05state\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12 \n\x05\x65rror\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Error\x12\r\n\x05model\x18\x03 \x01(\t\x1a\x8a\x01\n\x07Preview\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x0c\n\x04step\x18\x02 \x01(\x03\x12\x11\n\tnum_steps\x18\x03 \x01(\x03\x12\x0c\n\x04view\x18\x04 \x01(\t\x12\r\n\x05width\x18\x05 \x01(\x05\x12\x0e\n\x06height\x18\x06 \x01(\x05\x12\x0c\n\x04jpeg\x18\x07 \x01(\x0c\x1a\x0b\n\tHeartbeatB\x07\n\x05\x65vent\"\x8c\x01\n\x11TrainSceneRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x02 \x01(\t\x12,\n\x07options\x18\x03 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12\x15\n\rvalidate_only\x18\x05 \x01(\x08\"g\n\x17\x45stimateTrainingRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12\x0f\n\x07\x64\x61taset\x18\x02 \x01(\t\x12,\n\x07options\x18\x03 \x01(\x0b\x32\x1b.pepeseg.v1.TrainingOptions\"\x94\x03\n\x18\x45stimateTrainingResponse\x12:\n\x06stages\x18\x01 \x03(\x0b\x32*.pepeseg.v1.EstimateTrainingResponse.Stage\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12\x12\n\nneed_bytes\x18\x03 \x01(\x03\x12\x12\n\nhave_bytes\x18\x04 \x01(\x03\x12\x11\n\tnum_views\x18\x05 \x01(\x03\x12\x12\n\nmax_pixels\x18\x06 \x01(\x03\x12\x12\n\nnum_points\x18\x07 \x01(\x03\x12\x16\n\x0enum_mask_files\x18\x08 \x01(\x03\x12+\n\x08\x64uration\x18\t \x01(\x0b\x32\x19.google.protobuf.Duration\x1a\x83\x01\n\x05Stage\x12#\n\x05stage\x18\x01 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x14\n\x0c\x64\x65vice_bytes\x18\x02 \x01(\x03\x12\x12\n\nhost_bytes\x18\x03 \x01(\x03\x12+\n\x08\x64uration\x18\x04 \x01(\x0b\x32\x19.google.protobuf.Duration\"X\n\x1aListTrainingOptionsRequest\x12/\n\x06preset\x18\x01 \x01(\x0e\x32\x1a.pepeseg.v1.TrainingPresetH\x00\x88\x01\x01\x42\t\n\x07_preset\"Y\n\x0eTrainingOption\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x15\n\rdefault_value\x18\x02 \x01(\t\x12\r\n\x05range\x18\x03 \x01(\t\x12\x13\n\x0b\x64\x65scription\x18\x04 \x01(\t\"J\n\x1bListTrainingOptionsResponse\x12+\n\x07options\x18\x01 \x03(\x0b\x32\x1a.pepeseg.v1.TrainingOption\"\x1d\n\rGetJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"l\n\x0fListJobsRequest\x12\r\n\x05scene\x18\x01 \x01(\t\x12#\n\x05state\x18\x02 \x01(\x0e\x32\x14.pepeseg.v1.JobState\x12\x11\n\tpage_size\x18\x03 \x01(\x05\x12\x12\n\npage_token\x18\x04 \x01(\t\"J\n\x10ListJobsResponse\x12\x1d\n\x04jobs\x18\x01 \x03(\x0b\x32\x0f.pepeseg.v1.Job\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\" \n\x10\x43\x61ncelJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"O\n\x0fWatchJobRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x1b\n\x0e\x61\x66ter_sequence\x18\x02 \x01(\x03H\x00\x88\x01\x01\x42\x11\n\x0f_after_sequence*\x9a\x01\n\x08JobState\x12\x19\n\x15JOB_STATE_UNSPECIFIED\x10\x00\x12\x14\n\x10JOB_STATE_QUEUED\x10\x01\x12\x15\n\x11JOB_STATE_RUNNING\x10\x02\x12\x17\n\x13JOB_STATE_SUCCEEDED\x10\x03\x12\x14\n\x10JOB_STATE_FAILED\x10\x04\x12\x17\n\x13JOB_STATE_CANCELLED\x10\x05*\xc5\x01\n\x08JobStage\x12\x19\n\x15JOB_STAGE_UNSPECIFIED\x10\x00\x12\x15\n\x11JOB_STAGE_PREPARE\x10\x01\x12\x11\n\rJOB_STAGE_SFM\x10\x02\x12\x14\n\x10JOB_STAGE_PRIORS\x10\x03\x12\x19\n\x15JOB_STAGE_RECONSTRUCT\x10\x04\x12\x16\n\x12JOB_STAGE_EVALUATE\x10\x05\x12\x16\n\x12JOB_STAGE_FEATURES\x10\x06\x12\x13\n\x0fJOB_STAGE_INDEX\x10\x07\x32\x8a\x05\n\nJobService\x12V\n\nTrainScene\x12\x1d.pepeseg.v1.TrainSceneRequest\x1a\x0f.pepeseg.v1.Job\"\x18\x8a\xe2\x18\x14\x08\x03\x12\x05scene\x12\x07\x64\x61taset\x18\x01\x12w\n\x10\x45stimateTraining\x12#.pepeseg.v1.EstimateTrainingRequest\x1a$.pepeseg.v1.EstimateTrainingResponse\"\x18\x8a\xe2\x18\x14\x08\x01\x12\x05scene\x12\x07\x64\x61taset\x18\x01\x12p\n\x13ListTrainingOptions\x12&.pepeseg.v1.ListTrainingOptionsRequest\x1a\'.pepeseg.v1.ListTrainingOptionsResponse\"\x08\x8a\xe2\x18\x04\x08\x01\x18\x01\x12\x44\n\x06GetJob\x12\x19.pepeseg.v1.GetJobRequest\x1a\x0f.pepeseg.v1.Job\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12V\n\x08ListJobs\x12\x1b.pepeseg.v1.ListJobsRequest\x1a\x1c.pepeseg.v1.ListJobsResponse\"\x0f\x8a\xe2\x18\x0b\x08\x01\x12\x05scene\x18\x01\x12J\n\tCancelJob\x12\x1c.pepeseg.v1.CancelJobRequest\x1a\x0f.pepeseg.v1.Job\"\x0e\x8a\xe2\x18\n\x08\x03\x12\x04name\x18\x01\x12O\n\x08WatchJob\x12\x1b.pepeseg.v1.WatchJobRequest\x1a\x14.pepeseg.v1.JobEvent\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x30\x01\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.job_service_pb2', globals())
@@ -42,10 +42,10 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _JOBSERVICE.methods_by_name['CancelJob']._serialized_options = b'\212\342\030\n\010\003\022\004name\030\001'
   _JOBSERVICE.methods_by_name['WatchJob']._options = None
   _JOBSERVICE.methods_by_name['WatchJob']._serialized_options = b'\212\342\030\n\010\001\022\004name\030\001'
-  _JOBSTATE._serialized_start=4349
-  _JOBSTATE._serialized_end=4503
-  _JOBSTAGE._serialized_start=4506
-  _JOBSTAGE._serialized_end=4703
+  _JOBSTATE._serialized_start=4237
+  _JOBSTATE._serialized_end=4391
+  _JOBSTAGE._serialized_start=4394
+  _JOBSTAGE._serialized_end=4591
   _JOB._serialized_start=227
   _JOB._serialized_end=704
   _JOBPROGRESS._serialized_start=707
@@ -53,53 +53,51 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _JOBPROGRESS_DIAGNOSTICS._serialized_start=1162
   _JOBPROGRESS_DIAGNOSTICS._serialized_end=1384
   _JOBEVENT._serialized_start=1405
-  _JOBEVENT._serialized_end=3102
-  _JOBEVENT_STAGESTARTED._serialized_start=2006
-  _JOBEVENT_STAGESTARTED._serialized_end=2057
-  _JOBEVENT_STAGEENDED._serialized_start=2060
-  _JOBEVENT_STAGEENDED._serialized_end=2329
-  _JOBEVENT_STAGEENDED_METRICSENTRY._serialized_start=2283
-  _JOBEVENT_STAGEENDED_METRICSENTRY._serialized_end=2329
-  _JOBEVENT_VIEWSCORES._serialized_start=2331
-  _JOBEVENT_VIEWSCORES._serialized_end=2398
-  _JOBEVENT_WARNING._serialized_start=2400
-  _JOBEVENT_WARNING._serialized_end=2426
-  _JOBEVENT_TERMSKIPPED._serialized_start=2429
-  _JOBEVENT_TERMSKIPPED._serialized_end=2787
-  _JOBEVENT_TERMSKIPPED_TERM._serialized_start=2628
-  _JOBEVENT_TERMSKIPPED_TERM._serialized_end=2787
-  _JOBEVENT_STATECHANGED._serialized_start=2789
-  _JOBEVENT_STATECHANGED._serialized_end=2889
-  _JOBEVENT_PREVIEW._serialized_start=2892
-  _JOBEVENT_PREVIEW._serialized_end=3030
-  _JOBEVENT_SNAPSHOTTAKEN._serialized_start=3032
-  _JOBEVENT_SNAPSHOTTAKEN._serialized_end=3080
-  _JOBEVENT_HEARTBEAT._serialized_start=3082
-  _JOBEVENT_HEARTBEAT._serialized_end=3093
-  _TRAINSCENEREQUEST._serialized_start=3105
-  _TRAINSCENEREQUEST._serialized_end=3245
-  _ESTIMATETRAININGREQUEST._serialized_start=3247
-  _ESTIMATETRAININGREQUEST._serialized_end=3350
-  _ESTIMATETRAININGRESPONSE._serialized_start=3353
-  _ESTIMATETRAININGRESPONSE._serialized_end=3757
-  _ESTIMATETRAININGRESPONSE_STAGE._serialized_start=3626
-  _ESTIMATETRAININGRESPONSE_STAGE._serialized_end=3757
-  _LISTTRAININGOPTIONSREQUEST._serialized_start=3759
-  _LISTTRAININGOPTIONSREQUEST._serialized_end=3847
-  _TRAININGOPTION._serialized_start=3849
-  _TRAININGOPTION._serialized_end=3938
-  _LISTTRAININGOPTIONSRESPONSE._serialized_start=3940
-  _LISTTRAININGOPTIONSRESPONSE._serialized_end=4014
-  _GETJOBREQUEST._serialized_start=4016
-  _GETJOBREQUEST._serialized_end=4045
-  _LISTJOBSREQUEST._serialized_start=4047
-  _LISTJOBSREQUEST._serialized_end=4155
-  _LISTJOBSRESPONSE._serialized_start=4157
-  _LISTJOBSRESPONSE._serialized_end=4231
-  _CANCELJOBREQUEST._serialized_start=4233
-  _CANCELJOBREQUEST._serialized_end=4265
-  _WATCHJOBREQUEST._serialized_start=4267
-  _WATCHJOBREQUEST._serialized_end=4346
-  _JOBSERVICE._serialized_start=4706
-  _JOBSERVICE._serialized_end=5356
+  _JOBEVENT._serialized_end=2990
+  _JOBEVENT_STAGESTARTED._serialized_start=1944
+  _JOBEVENT_STAGESTARTED._serialized_end=1995
+  _JOBEVENT_STAGEENDED._serialized_start=1998
+  _JOBEVENT_STAGEENDED._serialized_end=2267
+  _JOBEVENT_STAGEENDED_METRICSENTRY._serialized_start=2221
+  _JOBEVENT_STAGEENDED_METRICSENTRY._serialized_end=2267
+  _JOBEVENT_VIEWSCORES._serialized_start=2269
+  _JOBEVENT_VIEWSCORES._serialized_end=2336
+  _JOBEVENT_WARNING._serialized_start=2338
+  _JOBEVENT_WARNING._serialized_end=2364
+  _JOBEVENT_TERMSKIPPED._serialized_start=2367
+  _JOBEVENT_TERMSKIPPED._serialized_end=2725
+  _JOBEVENT_TERMSKIPPED_TERM._serialized_start=2566
+  _JOBEVENT_TERMSKIPPED_TERM._serialized_end=2725
+  _JOBEVENT_STATECHANGED._serialized_start=2727
+  _JOBEVENT_STATECHANGED._serialized_end=2827
+  _JOBEVENT_PREVIEW._serialized_start=2830
+  _JOBEVENT_PREVIEW._serialized_end=2968
+  _JOBEVENT_HEARTBEAT._serialized_start=2970
+  _JOBEVENT_HEARTBEAT._serialized_end=2981
+  _TRAINSCENEREQUEST._serialized_start=2993
+  _TRAINSCENEREQUEST._serialized_end=3133
+  _ESTIMATETRAININGREQUEST._serialized_start=3135
+  _ESTIMATETRAININGREQUEST._serialized_end=3238
+  _ESTIMATETRAININGRESPONSE._serialized_start=3241
+  _ESTIMATETRAININGRESPONSE._serialized_end=3645
+  _ESTIMATETRAININGRESPONSE_STAGE._serialized_start=3514
+  _ESTIMATETRAININGRESPONSE_STAGE._serialized_end=3645
+  _LISTTRAININGOPTIONSREQUEST._serialized_start=3647
+  _LISTTRAININGOPTIONSREQUEST._serialized_end=3735
+  _TRAININGOPTION._serialized_start=3737
+  _TRAININGOPTION._serialized_end=3826
+  _LISTTRAININGOPTIONSRESPONSE._serialized_start=3828
+  _LISTTRAININGOPTIONSRESPONSE._serialized_end=3902
+  _GETJOBREQUEST._serialized_start=3904
+  _GETJOBREQUEST._serialized_end=3933
+  _LISTJOBSREQUEST._serialized_start=3935
+  _LISTJOBSREQUEST._serialized_end=4043
+  _LISTJOBSRESPONSE._serialized_start=4045
+  _LISTJOBSRESPONSE._serialized_end=4119
+  _CANCELJOBREQUEST._serialized_start=4121
+  _CANCELJOBREQUEST._serialized_end=4153
+  _WATCHJOBREQUEST._serialized_start=4155
+  _WATCHJOBREQUEST._serialized_end=4234
+  _JOBSERVICE._serialized_start=4594
+  _JOBSERVICE._serialized_end=5244
 # @@protoc_insertion_point(module_scope)

@@ -116,7 +116,7 @@ class Job(_message.Message):
     def __init__(self, name: _Optional[str] = ..., scene: _Optional[str] = ..., dataset: _Optional[str] = ..., state: _Optional[_Union[JobState, str]] = ..., stage: _Optional[_Union[JobStage, str]] = ..., effective_options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Error, _Mapping]] = ..., model: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., device: _Optional[str] = ..., waits_for: _Optional[str] = ...) -> None: ...
 
 class JobEvent(_message.Message):
-    __slots__ = ["heartbeat", "preview", "progress", "sequence", "snapshot", "snapshot_taken", "stage_ended", "stage_started", "state_changed", "term_skipped", "time", "warning"]
+    __slots__ = ["heartbeat", "preview", "progress", "sequence", "snapshot", "stage_ended", "stage_started", "state_changed", "term_skipped", "time", "warning"]
     class Heartbeat(_message.Message):
         __slots__ = []
         def __init__(self) -> None: ...
@@ -137,13 +137,6 @@ class JobEvent(_message.Message):
         view: str
         width: int
         def __init__(self, stage: _Optional[_Union[JobStage, str]] = ..., step: _Optional[int] = ..., num_steps: _Optional[int] = ..., view: _Optional[str] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., jpeg: _Optional[bytes] = ...) -> None: ...
-    class SnapshotTaken(_message.Message):
-        __slots__ = ["num_steps", "step"]
-        NUM_STEPS_FIELD_NUMBER: _ClassVar[int]
-        STEP_FIELD_NUMBER: _ClassVar[int]
-        num_steps: int
-        step: int
-        def __init__(self, step: _Optional[int] = ..., num_steps: _Optional[int] = ...) -> None: ...
     class StageEnded(_message.Message):
         __slots__ = ["elapsed", "metrics", "skipped", "stage", "views"]
         class MetricsEntry(_message.Message):
@@ -220,7 +213,6 @@ class JobEvent(_message.Message):
     PROGRESS_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     SNAPSHOT_FIELD_NUMBER: _ClassVar[int]
-    SNAPSHOT_TAKEN_FIELD_NUMBER: _ClassVar[int]
     STAGE_ENDED_FIELD_NUMBER: _ClassVar[int]
     STAGE_STARTED_FIELD_NUMBER: _ClassVar[int]
     STATE_CHANGED_FIELD_NUMBER: _ClassVar[int]
@@ -232,14 +224,13 @@ class JobEvent(_message.Message):
     progress: JobProgress
     sequence: int
     snapshot: Job
-    snapshot_taken: JobEvent.SnapshotTaken
     stage_ended: JobEvent.StageEnded
     stage_started: JobEvent.StageStarted
     state_changed: JobEvent.StateChanged
     term_skipped: JobEvent.TermSkipped
     time: _timestamp_pb2.Timestamp
     warning: JobEvent.Warning
-    def __init__(self, sequence: _Optional[int] = ..., time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., snapshot: _Optional[_Union[Job, _Mapping]] = ..., stage_started: _Optional[_Union[JobEvent.StageStarted, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., warning: _Optional[_Union[JobEvent.Warning, _Mapping]] = ..., state_changed: _Optional[_Union[JobEvent.StateChanged, _Mapping]] = ..., heartbeat: _Optional[_Union[JobEvent.Heartbeat, _Mapping]] = ..., stage_ended: _Optional[_Union[JobEvent.StageEnded, _Mapping]] = ..., term_skipped: _Optional[_Union[JobEvent.TermSkipped, _Mapping]] = ..., preview: _Optional[_Union[JobEvent.Preview, _Mapping]] = ..., snapshot_taken: _Optional[_Union[JobEvent.SnapshotTaken, _Mapping]] = ...) -> None: ...
+    def __init__(self, sequence: _Optional[int] = ..., time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., snapshot: _Optional[_Union[Job, _Mapping]] = ..., stage_started: _Optional[_Union[JobEvent.StageStarted, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., warning: _Optional[_Union[JobEvent.Warning, _Mapping]] = ..., state_changed: _Optional[_Union[JobEvent.StateChanged, _Mapping]] = ..., heartbeat: _Optional[_Union[JobEvent.Heartbeat, _Mapping]] = ..., stage_ended: _Optional[_Union[JobEvent.StageEnded, _Mapping]] = ..., term_skipped: _Optional[_Union[JobEvent.TermSkipped, _Mapping]] = ..., preview: _Optional[_Union[JobEvent.Preview, _Mapping]] = ...) -> None: ...
 
 class JobProgress(_message.Message):
     __slots__ = ["activity", "diagnostics", "elapsed", "eta", "job_eta", "loss", "memory_bytes", "num_gaussians", "num_stages", "num_steps", "psnr", "stage", "stage_number", "step", "steps_per_second", "unit"]

@@ -9,8 +9,7 @@ from pepeseg.v1 import segmentation_service_pb2 as pepeseg_dot_v1_dot_segmentati
 
 class SegmentationServiceStub(object):
     """Segments models. In requests `model` is the name of a model, or
-    "scenes/{scene}/models/live" with the errors described at Model.name, or in SegmentViews,
-    StreamSegments and ProposeScales that of a job, see Snapshot. The first query of a model
+    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
     loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
@@ -56,8 +55,7 @@ class SegmentationServiceStub(object):
 
 class SegmentationServiceServicer(object):
     """Segments models. In requests `model` is the name of a model, or
-    "scenes/{scene}/models/live" with the errors described at Model.name, or in SegmentViews,
-    StreamSegments and ProposeScales that of a job, see Snapshot. The first query of a model
+    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
     loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
@@ -166,8 +164,7 @@ def add_SegmentationServiceServicer_to_server(servicer, server):
  # This class is part of an EXPERIMENTAL API.
 class SegmentationService(object):
     """Segments models. In requests `model` is the name of a model, or
-    "scenes/{scene}/models/live" with the errors described at Model.name, or in SegmentViews,
-    StreamSegments and ProposeScales that of a job, see Snapshot. The first query of a model
+    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
     loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
