@@ -21,13 +21,15 @@ namespace {
 
 struct WatchFlags {
   std::string job;
+  std::string previews;  // folder; empty: none
 };
 
 absl::Status RunWatch(const Shell& shell, const WatchFlags& flags) {
   const Client client(shell.channel);
-  const auto job = WatchJob(client, JobName(flags.job), [&](const v1::JobEvent& event) {
+  const auto print = [&](const v1::JobEvent& event) {
     if (shell.json) PrintJson(event);
-  });
+  };
+  const auto job = WatchJob(client, JobName(flags.job), print, flags.previews);
   RETURN_IF_ERROR(job.status());
   if (shell.json) return absl::OkStatus();
   Print(absl::StrCat(job->name(), " succeeded: ", job->model()));
@@ -105,6 +107,7 @@ void AddWatch(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<WatchFlags>();
   CLI::App* verb = app.add_subcommand("watch", "Follow a job to its end");
   verb->add_option("JOB", flags->job, "Name of the job")->required();
+  AddPreviewsFlag(*verb, flags->previews);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunWatch(shell, *flags); }; });
 }
 

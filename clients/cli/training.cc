@@ -81,6 +81,7 @@ void AddTrainingFlags(CLI::App& verb, TrainingFlags& flags) {
 struct TrainFlags : TrainingFlags {
   bool detach = false;        // do not wait for the end of the job
   bool list_options = false;  // print the options and train nothing
+  std::string previews;       // folder; empty: none
 };
 
 // Prints each option of the server with its default and range, and below it what it does.
@@ -122,7 +123,8 @@ absl::Status RunTrain(const Shell& shell, const TrainFlags& flags) {
   }
   Note(job.name());
   ASSIGN_OR_RETURN(const v1::Job ended,
-                   WatchJob(client, job.name(), [](const v1::JobEvent& /*event*/) {}));
+                   WatchJob(
+                       client, job.name(), [](const v1::JobEvent& /*event*/) {}, flags.previews));
   if (shell.json) {
     PrintJson(ended);
     return absl::OkStatus();
@@ -176,6 +178,7 @@ void AddTrain(CLI::App& app, Shell& shell) {
   verb->add_flag("--list-options", flags->list_options,
                  "List all options of the server with their defaults and ranges, and exit");
   verb->add_flag("--detach", flags->detach, "Print the name of the job and exit");
+  AddPreviewsFlag(*verb, flags->previews);
   verb->callback([flags, &shell] {
     if (flags->scene.empty() && !flags->list_options) throw CLI::RequiredError("SCENE");
     shell.verb = [&, flags] { return RunTrain(shell, *flags); };

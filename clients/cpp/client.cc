@@ -44,8 +44,9 @@ bool HasEnded(v1::JobState state) {
 
 // How much of a job has been seen, over all streams.
 struct Watched {
-  std::optional<int64_t> sequence;  // of the last event; empty before the first
-  bool ended = false;               // the last state seen was a final one
+  std::optional<int64_t> after = {};     // where the first stream starts, as in WatchJobRequest
+  std::optional<int64_t> sequence = {};  // of the last event; empty before the first
+  bool ended = false;                    // the last state seen was a final one
 };
 
 // Reads one stream to its end. It resumes after the last event of `watched`, which it updates.
@@ -53,7 +54,8 @@ absl::Status WatchOnce(Jobs& jobs, const std::string& job, Watched& watched,
                        absl::FunctionRef<void(const v1::JobEvent&)> on_event) {
   v1::WatchJobRequest request;
   request.set_name(job);
-  if (watched.sequence) request.set_after_sequence(*watched.sequence);
+  const std::optional<int64_t> after = watched.sequence ? watched.sequence : watched.after;
+  if (after) request.set_after_sequence(*after);
   // No deadline: a job may run for hours. The scene of a job is not in its name.
   Call call("", 0);
   auto stream = jobs.WatchJob(call, request);
@@ -212,8 +214,9 @@ absl::StatusOr<v1::Job> Client::CancelJob(const std::string& job) const {
 
 absl::StatusOr<v1::Job> Client::WatchJob(const std::string& job,
                                          absl::FunctionRef<void(const v1::JobEvent&)> on_event,
-                                         const std::function<void()>& on_break) const {
-  Watched watched;
+                                         const std::function<void()>& on_break,
+                                         std::optional<int64_t> after) const {
+  Watched watched = {.after = after};
   for (int failures = 0; !watched.ended;) {
     const std::optional<int64_t> before = watched.sequence;
     const absl::Status status = WatchOnce(*jobs_, JobName(job), watched, on_event);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -94,9 +95,11 @@ class Client {
   // Follows a job to its end and returns the ended job: succeeded, failed or cancelled. Calls
   // `on_event` once for each event except heartbeats. If the connection breaks after the first
   // event, calls `on_break`, if there is one, and retries every 3 seconds, for half a minute.
+  // after: as WatchJobRequest.after_sequence; 0 replays all events.
   absl::StatusOr<v1::Job> WatchJob(const std::string& job,
                                    absl::FunctionRef<void(const v1::JobEvent&)> on_event,
-                                   const std::function<void()>& on_break = nullptr) const;
+                                   const std::function<void()>& on_break = nullptr,
+                                   std::optional<int64_t> after = std::nullopt) const;
 
   // Queries of a model.
 

@@ -1,7 +1,11 @@
 #include "clients/terminal/training_run.h"
 
+#include <filesystem>
+#include <optional>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/option_setting.h"
 #include "clients/cpp/status_macros.h"
 #include "clients/terminal/failure.h"
@@ -64,6 +68,15 @@ void ShowEvent(const v1::JobEvent& event, ProgressLine& line) {
   }
 }
 
+// Writes FOLDER/reconstruct-000120.jpg, so that names sort by the step.
+absl::Status WritePreview(const std::string& folder, const v1::JobEvent::Preview& preview) {
+  const std::filesystem::path path =
+      std::filesystem::path(folder) /
+      absl::StrFormat("%s-%06d.jpg", WordOf(preview.stage()), preview.step());
+  RETURN_IF_ERROR(MakeParentFolder(path));
+  return WriteFile(path, preview.jpeg());
+}
+
 // Returns an error unless the job succeeded.
 absl::Status Outcome(const v1::Job& job) {
   const std::string word = WordOf(job.stage());
@@ -114,17 +127,31 @@ absl::StatusOr<v1::Job> StartTraining(const Client& client, const std::string& s
   return client.Train(std::move(request));
 }
 
-absl::StatusOr<v1::Job> WatchJob(const Client& client, const std::string& job, EventFn on_event) {
+absl::StatusOr<v1::Job> WatchJob(const Client& client, const std::string& job, EventFn on_event,
+                                 const std::string& previews) {
   ProgressLine line;
+  absl::Status written;  // the first error; the job is followed to its end all the same
   const auto show = [&](const v1::JobEvent& event) {
     ShowEvent(event, line);
+    if (event.has_preview() && !previews.empty()) {
+      written.Update(WritePreview(previews, event.preview()));
+    }
     on_event(event);
   };
-  ASSIGN_OR_RETURN(const v1::Job ended, client.WatchJob(job, show, [&] {
-    line.Say("the connection to the server was lost; trying again");
-  }));
+  const auto say_lost = [&] { line.Say("the connection to the server was lost; trying again"); };
+  std::optional<int64_t> after;
+  if (!previews.empty()) after = 0;
+  ASSIGN_OR_RETURN(const v1::Job ended, client.WatchJob(job, show, say_lost, after));
   RETURN_IF_ERROR(Outcome(ended));
+  RETURN_IF_ERROR(written);
   return ended;
+}
+
+void AddPreviewsFlag(CLI::App& verb, std::string& previews) {
+  verb.add_option(
+          "--previews", previews,
+          "Folder for pictures of the scene while it is trained: FOLDER/reconstruct-STEP.jpg")
+      ->type_name("FOLDER");
 }
 
 }  // namespace pepeseg::client::cli

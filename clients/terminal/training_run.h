@@ -34,6 +34,13 @@ using EventFn = absl::FunctionRef<void(const v1::JobEvent&)>;
 // Follows a job to its end, with progress on standard error, and returns the job if it succeeded.
 // Resumes after a lost connection as Client::WatchJob does, without missing an event. A job that
 // failed or was cancelled is an error of JobFailed or JobCancelled.
-absl::StatusOr<v1::Job> WatchJob(const Client& client, const std::string& job, EventFn on_event);
+// previews: folder that gets each preview of the job as a JPEG, also those from before the watch,
+// so that all events are replayed; created if it is missing. Empty: none. LocalFileError: a file
+// there cannot be written.
+absl::StatusOr<v1::Job> WatchJob(const Client& client, const std::string& job, EventFn on_event,
+                                 const std::string& previews = "");
+
+// Adds --previews, the folder of WatchJob.
+void AddPreviewsFlag(CLI::App& verb, std::string& previews);
 
 }  // namespace pepeseg::client::cli

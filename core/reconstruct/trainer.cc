@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/random_state.h"
 #include "core/base/status_macros.h"
+#include "core/render/image_of_planes.h"
 
 namespace pepeseg {
 namespace {
@@ -140,6 +141,32 @@ absl::StatusOr<GaussianCheckpoint> GaussianTrainer::Save() {
     return absl::InternalError(absl::StrCat("after step ", step_, ": ", error));
   }
   return checkpoint;
+}
+
+// The memory of the render is its own and is freed at the end: a scratch of the queue belongs to
+// steps that the backend may replay.
+absl::StatusOr<Image> GaussianTrainer::Render(const PinholeView& view) {
+  // Errors of queued steps stay; only one of the render below is cleared.
+  backend_.Sync();
+  if (const std::string error = backend_.error(); !error.empty()) {
+    return absl::InternalError(absl::StrCat("step ", step_, ": ", error));
+  }
+  std::vector<float> planes(static_cast<size_t>(3) * view.width * view.height);
+  RenderScratch scratch;
+  Buffer<float> color(backend_, static_cast<int64_t>(planes.size()));
+  backend_.Render(
+      {.gaussians = state_.parameters(),
+       .view = view,
+       .near_plane = scene_.near_plane,
+       .active_sh_degree = std::min(scene_.schedule.ShDegreeAt(position_), state_.sh_degree()),
+       .scratch = &scratch,
+       .color = color.span(),
+       .for_backward = false});
+  if (!color.empty()) color.Download(std::span<float>(planes));
+  const BackendError error = backend_.TakeError();
+  if (error.fatal) return absl::InternalError(absl::StrCat("picture: ", error.what));
+  if (!error.what.empty()) return absl::ResourceExhaustedError(error.what);
+  return ImageOfPlanes(view.width, view.height, planes);
 }
 
 // Steps of METHOD.md section 1: train on a view each, then density control, opacity reset and

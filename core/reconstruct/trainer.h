@@ -64,6 +64,10 @@ class GaussianTrainer {
   absl::StatusOr<StepReports> Step();
   // Returns the state between two steps. Waits for the backend and returns INTERNAL with its error.
   absl::StatusOr<GaussianCheckpoint> Save();
+  // Renders a view of the Gaussians as they are now, as an RGB image. Changes nothing of the
+  // training. Waits for the backend. INTERNAL: a step before has failed. RESOURCE_EXHAUSTED: the
+  // backend is out of memory for the picture only; the training can continue.
+  absl::StatusOr<Image> Render(const PinholeView& view);
   // Returns the Gaussians as they are now. Waits for the backend.
   Gaussians Result() const { return state_.Download(); }
 

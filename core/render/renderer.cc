@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/render/image_of_planes.h"
 #include "kernels/buffer.h"
 #include "kernels/math/blend.h"
 
@@ -176,19 +177,11 @@ DeviceSpan<const float> Renderer::ColorPlanes(const Viewpoint& view, const Gauss
   return color_.span();
 }
 
-// Image interleaves the channels.
 Image Renderer::Color(const Viewpoint& view, const GaussianSet* subset) {
   ColorPlanes(view, subset);
   std::vector<float> planes(static_cast<size_t>(3 * NumPixels(view)));
   color_.Download(std::span<float>(planes));
-  Image image = {view.camera.width, view.camera.height, 3, {}};
-  image.pixels.resize(planes.size());
-  const size_t num_pixels = planes.size() / 3;
-  for (size_t i = 0; i < planes.size(); ++i) {
-    const float value = std::clamp(planes[i % 3 * num_pixels + i / 3], 0.0f, 1.0f);
-    image.pixels[i] = static_cast<uint8_t>(std::lround(value * 255));
-  }
-  return image;
+  return ImageOfPlanes(view.camera.width, view.camera.height, planes);
 }
 
 // The backend blends z with the weights of colour; divided by alpha that is the mean depth.

@@ -65,15 +65,17 @@ absl::Status SaveStep(absl::Status reported, Trainer& trainer, StageCheckpoints*
 }
 
 // Does the remaining steps and returns the result. Each step is followed by a report, which can
-// cancel the training, and by a checkpoint when one is due.
+// cancel the training, by a checkpoint when one is due, and by `then`.
 template <class Trainer>
-absl::StatusOr<typename Trainer::Product> RunStage(Trainer& trainer, StageCheckpoints* checkpoints,
-                                                   StageLog& log) {
+absl::StatusOr<typename Trainer::Product> RunStage(
+    Trainer& trainer, StageCheckpoints* checkpoints, StageLog& log,
+    ProgressFn then = [](const StepReport&) { return absl::OkStatus(); }) {
   RETURN_IF_ERROR(log.ReportSkipped(trainer.skipped()));
   const Polling polling(log.observer());
   return RunSteps(trainer, [&](const StepReport& report) -> absl::Status {
     RETURN_IF_ERROR(log.ReportSkipped(trainer.skipped()));
-    return SaveStep(log.Step(report), trainer, checkpoints);
+    RETURN_IF_ERROR(SaveStep(log.Step(report), trainer, checkpoints));
+    return then(report);
   });
 }
 

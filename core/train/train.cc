@@ -22,6 +22,7 @@
 #include "core/train/model_writing.h"
 #include "core/train/pose_stage.h"
 #include "core/train/prepare_files.h"
+#include "core/train/previews.h"
 #include "core/train/prior_stage.h"
 #include "core/train/run_stage.h"
 #include "core/train/scene_warnings.h"
@@ -212,7 +213,10 @@ absl::StatusOr<Gaussians> Training::RunStageOne() {
                                                    settings_.reconstruct));
   stages_.WarnIf(WarningOfBlurred(scene_.capture, trainer->blurred()));
   stages_.LookEveryFewSteps([this] { ExpectLessOfSam(); });
-  ASSIGN_OR_RETURN(Gaussians gaussians, RunStage(*trainer, checkpoints, stages_));
+  Previews previews(scene_.capture, *trainer, observer_);
+  ASSIGN_OR_RETURN(Gaussians gaussians,
+                   RunStage(*trainer, checkpoints, stages_,
+                            [&](const StepReport& report) { return previews.ShowIfDue(report); }));
   RETURN_IF_ERROR(CheckDevice());
   return gaussians;
 }

@@ -38,6 +38,16 @@ class StageCheckpoints {
   virtual void Remove() const = 0;
 };
 
+// A picture of the scene as stage one trains it.
+struct Preview {
+  int64_t step = 0, num_steps = 0;  // steps of the stage done, and their number
+  std::string view = {};            // name of the view that is shown
+  int width = 0, height = 0;        // pixels, at most kMaxPreviewSide each
+  std::string jpeg = {};            // at most kMaxPreviewBytes
+};
+inline constexpr int kMaxPreviewSide = 640;
+inline constexpr size_t kMaxPreviewBytes = 30'000;
+
 // How a stage ended.
 struct StageEnd {
   Stage stage = Stage::kPrepare;
@@ -60,6 +70,9 @@ class TrainingObserver {
   virtual void ResumeStage(int64_t /*step*/) {}
   virtual absl::Status Step(const StepReport&) { return absl::OkStatus(); }
   virtual absl::Status SkipPart(const SkippedPart&) { return absl::OkStatus(); }
+  // Returns true if stage one is to render previews for ShowPreview.
+  virtual bool WantsPreviews() const { return false; }
+  virtual absl::Status ShowPreview(const Preview&) { return absl::OkStatus(); }
   virtual absl::Status EndStage(const StageEnd&) { return absl::OkStatus(); }
 
   // Receive a sentence for the owner of the training, or for the operator of the machine.

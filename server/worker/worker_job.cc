@@ -38,6 +38,8 @@ class JobObserver final : public TrainingObserver {
   void ResumeStage(int64_t step) override;
   absl::Status Step(const StepReport& report) override;
   absl::Status SkipPart(const SkippedPart& skipped) override;
+  bool WantsPreviews() const override { return true; }
+  absl::Status ShowPreview(const Preview& preview) override;
   absl::Status EndStage(const StageEnd& end) override;
   void Warn(const std::string& message) override;
   void Log(const std::string& message) override;
@@ -85,6 +87,10 @@ absl::Status JobObserver::SkipPart(const SkippedPart& skipped) {
   spdlog::info("stage {}, step {}: {} skipped: {} ({} steps saved)", stage_, skipped.step,
                NameOf(skipped.part), skipped.reason, skipped.saved_steps);
   return progress_.SkipPart(skipped);
+}
+
+absl::Status JobObserver::ShowPreview(const Preview& preview) {
+  return progress_.ShowPreview(preview);
 }
 
 // Logs how the stage ended, and writes the event.

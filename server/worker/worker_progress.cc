@@ -94,6 +94,20 @@ absl::Status WorkerProgress::SkipPart(const SkippedPart& skipped) {
   return log_.Append(std::move(event));
 }
 
+absl::Status WorkerProgress::ShowPreview(const Preview& preview) {
+  static_assert(kMaxPreviewBytes <= kMaxEventJpeg && kMaxPreviewSide <= kMaxEventSide);
+  v1::JobEvent event;
+  v1::JobEvent::Preview& shown = *event.mutable_preview();
+  shown.set_stage(ToProto(stage_));
+  shown.set_step(preview.step);
+  shown.set_num_steps(preview.num_steps);
+  shown.set_view(preview.view);
+  shown.set_width(preview.width);
+  shown.set_height(preview.height);
+  shown.set_jpeg(preview.jpeg);
+  return log_.Append(std::move(event));
+}
+
 absl::Status WorkerProgress::Warn(const std::string& message) {
   v1::JobEvent event;
   event.mutable_warning()->set_message(message);

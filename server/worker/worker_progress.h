@@ -39,6 +39,7 @@ class WorkerProgress {
   absl::Status EndStage(const TrainingMetrics& metrics, v1::JobEvent::StageEnded end = {});
   // Reports a part of the running stage that is skipped.
   absl::Status SkipPart(const SkippedPart& skipped);
+  absl::Status ShowPreview(const Preview& preview);
   absl::Status Warn(const std::string& message);
 
   double seconds_in_stage() const;

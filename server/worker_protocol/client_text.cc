@@ -106,7 +106,7 @@ void CleanTexts(google::protobuf::Message& message) {
   std::vector<const FieldDescriptor*> fields;
   reflection.ListFields(message, &fields);
   for (const FieldDescriptor* field : fields) {
-    const bool is_text = field->cpp_type() == FieldDescriptor::CPPTYPE_STRING;
+    const bool is_text = field->type() == FieldDescriptor::TYPE_STRING;
     const bool is_message = field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
     if (field->is_map() || (!is_text && !is_message)) continue;
     const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;

@@ -26,8 +26,8 @@ std::string ClientText(std::string_view text, size_t max_bytes = kMaxClientText)
 // Returns a status with the code of `status`, its message as a ClientText, and no payloads.
 absl::Status ClientStatus(const absl::Status& status);
 
-// Replaces each string of a message, and of its nested messages, by its ClientText. Leaves maps as
-// they are.
+// Replaces each string of a message, and of its nested messages, by its ClientText. Leaves maps and
+// fields of bytes as they are.
 void CleanTexts(google::protobuf::Message& message);
 
 }  // namespace pepeseg

@@ -85,10 +85,19 @@ bool IsFirstRecord(const v1::JobEvent& event) {
   return event.event_case() == v1::JobEvent::EVENT_NOT_SET;
 }
 
+// Whether a preview of a worker is passed on to clients, which decode the picture.
+bool IsShown(const v1::JobEvent::Preview& preview) {
+  const auto is_side = [](int pixels) { return pixels > 0 && pixels <= kMaxEventSide; };
+  return is_side(preview.width()) && is_side(preview.height()) && preview.step() >= 0 &&
+         preview.step() <= preview.num_steps() && preview.jpeg().starts_with("\xff\xd8\xff") &&
+         preview.jpeg().size() <= kMaxEventJpeg;
+}
+
 // Whether a worker may write the event. Only the server reports the job's state.
 bool IsForWorkers(const v1::JobEvent& event) {
   return event.has_stage_started() || event.has_stage_ended() || event.has_progress() ||
-         event.has_warning() || event.has_term_skipped();
+         event.has_warning() || event.has_term_skipped() ||
+         (event.has_preview() && IsShown(event.preview()));
 }
 
 void CleanWorkerEvent(v1::JobEvent& event) {

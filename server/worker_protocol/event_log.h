@@ -25,6 +25,11 @@ enum class EventPart {
   kAfter = 2,   // the server, after the worker's end: "events-7-end.log"
 };
 
+// Limits of a preview that is taken from a worker: size of its JPEG, bytes, and of each side of the
+// picture, pixels.
+inline constexpr size_t kMaxEventJpeg = 30'000;
+inline constexpr int kMaxEventSide = 640;
+
 // Writes a job's events to append-only files. A record is the length of the payload (u32), its
 // CRC-32C (u32) and the payload, a serialised JobEvent; little-endian. Events are numbered from 1
 // without a gap.
@@ -36,7 +41,8 @@ enum class EventPart {
 //
 // A file has one writer. The server never writes in the worker's folder, and does not trust what it
 // reads there. A worker's file that is not a regular file counts as missing. One that reports the
-// job's state, or leaves out numbers, is broken from there on. Texts become ClientTexts.
+// job's state, leaves out numbers, or has a preview that is not a JPEG within the limits above is
+// broken from there on. Texts become ClientTexts.
 class EventLogWriter {
  public:
   // Opens the log of `path`, the path of events.log, for one part of the attempt `fence` (0: before

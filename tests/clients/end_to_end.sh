@@ -29,13 +29,17 @@ expect 0 pepeseg train --list-options --preset best
 grep -Eq '^features.smooth_until +0.65 +\[0, 1\]$' "$work/output" || fail 'an option is not listed'
 grep -q '^    Share of num_steps in which features are smoothed' "$work/output" || fail 'no description'
 expect 0 pepeseg train shelf --steps 60 --feature-steps 30 --image-scale 0.25 \
-  -o features.num_pixels=200
+  -o features.num_pixels=200 --previews "$work/previews"
+[[ -s "$work/previews/reconstruct-000060.jpg" && $(ls "$work/previews" | wc -l) -ge 2 ]] ||
+  fail 'train writes no previews'
 grep -Eq '^frame-000008.jpg +[0-9.]+ +[0-9.]+$' "$work/output" || fail 'train prints no scores of the views'
 grep -q '^trained on: poses given, masks given, depth given$' "$work/output" ||
   fail 'train does not print the sources'
 grep -Eq '^Next: .*pepeseg segment shelf --view frame-[0-9]+.jpg --point [0-9]+,[0-9]+ ' \
   "$work/output" || fail 'train does not print the next command'
 grep -Eq 'stage [2-5] of 5 ' "$work/errors" || fail 'train does not number the stages'
+expect 0 pepeseg watch "$(pepeseg jobs shelf | awk 'NR == 2 { print $1 }')" --previews "$work/late"
+diff -r "$work/previews" "$work/late" || fail 'a late watch has other previews'
 expect 0 pepeseg jobs
 grep -Eq '^JOB +STATE +SCENE +AGE +TOOK +SIZE +RESULT$' "$work/output" || fail 'jobs prints no header'
 grep -Eq '^jobs/j1 +succeeded +shelf +[0-9]+ (s|min) .* [kM]B +scenes/shelf/models/1$' \

@@ -92,6 +92,25 @@ void ExpectWholeStory(const std::vector<v1::JobEvent>& events) {
                                      v1::JOB_STAGE_FEATURES, v1::JOB_STAGE_INDEX));
 }
 
+// Checks that there are previews within the contract's limits, from the first steps of stage one to
+// its last.
+void ExpectPreviews(const std::vector<v1::JobEvent>& events) {
+  std::vector<v1::JobEvent::Preview> previews;
+  for (const v1::JobEvent& event : events) {
+    if (event.has_preview()) previews.push_back(event.preview());
+  }
+  ASSERT_GE(previews.size(), 2u);
+  EXPECT_LT(previews.front().step(), previews.front().num_steps() / 2);
+  EXPECT_EQ(previews.back().step(), previews.back().num_steps());
+  for (const v1::JobEvent::Preview& preview : previews) {
+    EXPECT_EQ(preview.stage(), v1::JOB_STAGE_RECONSTRUCT);
+    EXPECT_EQ(preview.view(), previews.front().view());
+    EXPECT_TRUE(preview.jpeg().starts_with("\xff\xd8\xff"));
+    EXPECT_LE(preview.jpeg().size(), 30'000u);
+    EXPECT_LE(std::max(preview.width(), preview.height()), 640);
+  }
+}
+
 const v1::JobEvent::StageEnded& EndOf(v1::JobStage stage, const std::vector<v1::JobEvent>& events) {
   for (const v1::JobEvent& event : events) {
     if (event.stage_ended().stage() == stage) return event.stage_ended();
@@ -124,6 +143,7 @@ TEST_F(EndToEndTest, SegmentsAModelTrainedFromPhotographs) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));
   ExpectWholeStory(events);
+  ExpectPreviews(events);
   ASSERT_OK_AND_ASSIGN(const v1::Model model, client_->GetModel("scenes/shelf/models/live"));
   EXPECT_EQ(model.name(), "scenes/shelf/models/1");
   EXPECT_GT(model.metrics().at("psnr"), 10);

@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/base/digest.h"
 #include "core/base/file_io.h"
+#include "core/formats/images.h"
 #include "core/model_files/model_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
@@ -33,6 +35,12 @@ struct RecordingObserver final : TrainingObserver {
     cancelled = stages.back() == cancel_in && report.step == 10;
     return absl::OkStatus();
   }
+  bool WantsPreviews() const override { return wants_previews; }
+  absl::Status ShowPreview(const Preview& preview) override {
+    EXPECT_EQ(stages.back(), "reconstruct");
+    previews.push_back(preview);
+    return absl::OkStatus();
+  }
   absl::Status EndStage(const StageEnd& end) override {
     ends.push_back(end);
     return absl::OkStatus();
@@ -43,7 +51,8 @@ struct RecordingObserver final : TrainingObserver {
   void SetPolling(bool value) override { polling = value; }
 
   std::string cancel_in;
-  bool cancelled = false, polling = false;
+  bool cancelled = false, polling = false, wants_previews = false;
+  std::vector<Preview> previews;
   StepReport last_step;
   std::vector<std::string> stages, log, damaged;
   std::vector<StageEnd> ends;
@@ -111,6 +120,38 @@ TEST_F(TrainTest, ReportsHowEachStageEnded) {
     EXPECT_TRUE(end.metrics.ByName().contains("seconds_" + stage)) << stage;
     EXPECT_TRUE(end.metrics.ByName().contains("core_seconds_" + stage)) << stage;
   }
+}
+
+TEST_F(TrainTest, ShowsStageOneFromItsFirstStepToItsLast) {
+  observer_.wants_previews = true;
+  ASSERT_OK(Run());
+  const std::vector<Preview>& previews = observer_.previews;
+  ASSERT_GE(previews.size(), 2u);
+  EXPECT_EQ(previews.front().step, 1);
+  EXPECT_EQ(previews.back().step, 60);
+  for (const Preview& preview : previews) {
+    EXPECT_EQ(preview.num_steps, 60);
+    EXPECT_EQ(preview.view, previews.front().view);
+    const std::span bytes(reinterpret_cast<const uint8_t*>(preview.jpeg.data()),
+                          preview.jpeg.size());
+    ASSERT_OK_AND_ASSIGN(const Image image, DecodePhoto(bytes, "preview"));
+    EXPECT_EQ(image.width, preview.width);
+    EXPECT_EQ(image.height, preview.height);
+    EXPECT_LE(bytes.size(), kMaxPreviewBytes);
+  }
+  EXPECT_NE(previews.front().jpeg, previews.back().jpeg);
+}
+
+TEST_F(TrainTest, MakesTheSameModelWithPreviews) {
+  ASSERT_OK(Run());
+  const std::string without = Gaussians(inputs_.folders.run);
+  StartSecondRun();
+  inputs_.folders.earlier = {};
+  observer_.wants_previews = true;
+  ASSERT_OK(Run());
+  EXPECT_FALSE(observer_.previews.empty());
+  ASSERT_FALSE(without.empty());
+  EXPECT_EQ(Gaussians(inputs_.folders.run), without);
 }
 
 TEST_F(TrainTest, StopsAtTheNextStepWhenCancelled) {

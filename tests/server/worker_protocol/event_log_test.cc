@@ -318,6 +318,36 @@ TEST_F(WorkerEventsTest, CannotReportTheJobsState) {
   EXPECT_THAT(ReadAll(), ElementsAre("1:started", "2:works", "3:ended"));
 }
 
+TEST_F(WorkerEventsTest, HavePreviewsWithinTheLimitsOnly) {
+  v1::JobEvent good;
+  v1::JobEvent::Preview& preview = *good.mutable_preview();
+  preview.set_step(1);
+  preview.set_num_steps(10);
+  preview.set_width(kMaxEventSide);
+  preview.set_height(1);
+  preview.set_jpeg("\xff\xd8\xff" + std::string(kMaxEventJpeg - 3, 'x'));
+  std::vector<v1::JobEvent> bad(6, good);
+  bad[0].mutable_preview()->set_width(kMaxEventSide + 1);
+  bad[1].mutable_preview()->set_height(0);
+  bad[2].mutable_preview()->mutable_jpeg()->push_back('x');
+  bad[3].mutable_preview()->set_jpeg("<svg/>");
+  bad[4].mutable_preview()->set_step(11);
+  bad[5].mutable_preview()->set_step(-1);
+  ForgeFirst(0);
+  Forge(Numbered(good, 1));
+  EventLogReader reader(path_);
+  ASSERT_OK_AND_ASSIGN(const auto events, reader.Read());
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].preview().jpeg(), preview.jpeg());
+  const auto size = std::filesystem::file_size(work_log_);
+  for (const v1::JobEvent& event : bad) {
+    Forge(Numbered(event, 2));
+    EventLogReader again(path_, 1);
+    EXPECT_STATUS(again.Read(), absl::StatusCode::kDataLoss, "it is not an event of a worker");
+    std::filesystem::resize_file(work_log_, size);
+  }
+}
+
 TEST_F(WorkerEventsTest, CannotUseUpTheNumbers) {
   const int64_t last = (int64_t{1} << 62) - 1;
   EXPECT_OK(Warn(1, EventPart::kBefore, "started"));
