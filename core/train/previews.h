@@ -14,8 +14,8 @@ namespace pepeseg {
 
 // When previews of a stage are due. Times are seconds since the stage's start. The first one is due
 // at once; then the time since the start must have grown by a tenth, at least 2 s must have passed,
-// and a hundred times as long as the last preview took, so that previews cost at most a hundredth
-// of the stage.
+// and a hundred times as long as the last preview took. So all but the first one, and the one at the
+// end of the stage, cost at most a hundredth of the time.
 class PreviewSchedule {
  public:
   bool Due(double seconds) const { return seconds >= next_; }

@@ -6,11 +6,8 @@ from pepeseg.v1 import job_service_pb2 as pepeseg_dot_v1_dot_job__service__pb2
 
 
 class JobServiceStub(object):
-    """Trainings, which run as jobs. A job runs in its own process, one at a time on each device of the
-    server. It outlives the call that started it and a restart of the server. A free device takes the
-    job of the project that has had the least of the devices lately; of one project's jobs, PREVIEW
-    comes before the others, then the oldest. A PREVIEW that finds no free device may send a longer
-    job back to the queue, which later resumes.
+    """Trainings, which run as jobs. A job runs in its own process, one at a time on a device. It
+    outlives the call that started it and a restart of the server.
     """
 
     def __init__(self, channel):
@@ -57,11 +54,8 @@ class JobServiceStub(object):
 
 
 class JobServiceServicer(object):
-    """Trainings, which run as jobs. A job runs in its own process, one at a time on each device of the
-    server. It outlives the call that started it and a restart of the server. A free device takes the
-    job of the project that has had the least of the devices lately; of one project's jobs, PREVIEW
-    comes before the others, then the oldest. A PREVIEW that finds no free device may send a longer
-    job back to the queue, which later resumes.
+    """Trainings, which run as jobs. A job runs in its own process, one at a time on a device. It
+    outlives the call that started it and a restart of the server.
     """
 
     def TrainScene(self, request, context):
@@ -172,11 +166,8 @@ def add_JobServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class JobService(object):
-    """Trainings, which run as jobs. A job runs in its own process, one at a time on each device of the
-    server. It outlives the call that started it and a restart of the server. A free device takes the
-    job of the project that has had the least of the devices lately; of one project's jobs, PREVIEW
-    comes before the others, then the oldest. A PREVIEW that finds no free device may send a longer
-    job back to the queue, which later resumes.
+    """Trainings, which run as jobs. A job runs in its own process, one at a time on a device. It
+    outlives the call that started it and a restart of the server.
     """
 
     @staticmethod
