@@ -50,6 +50,16 @@ TEST(Picture, IsUnchangedByWritingAndReading) {
   EXPECT_EQ(read->pixels, sheet.pixels);
 }
 
+TEST(Picture, IsNotWrittenIfItIsWiderThanAPngMayBe) {
+  const fs::path path =
+      fs::temp_directory_path() / ("pepeseg_" + std::to_string(getpid())) / "wide.png";
+  constexpr int kWidth = 1'000'001;  // libpng's limit is a million
+  const absl::Status written = WritePng(path, GreyPicture{kWidth, 1, std::vector<uint8_t>(kWidth)});
+  EXPECT_EQ(written.code(), absl::StatusCode::kInternal);
+  EXPECT_THAT(std::string(written.message()), HasSubstr("1000001x1"));
+  EXPECT_FALSE(fs::exists(path));
+}
+
 TEST(EncodePng, KeepsLabelValues) {
   const GreyPicture labels = {2, 3, {0, 1, 48, 114, 255, 7}};
   const fs::path path =
