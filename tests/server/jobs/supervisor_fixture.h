@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "server/jobs/supervisor.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
@@ -41,6 +42,13 @@ class SupervisorTest : public ::testing::Test {
     auto supervisor = Supervisor::Start(*store_, options);
     ASSERT_OK(supervisor);
     supervisor_ = std::move(supervisor).value();
+  }
+
+  // Stops claims. StopClaiming() does not wait for a claim in progress, so this pauses until it is
+  // over, on a busy machine, too.
+  void StopClaims() {
+    supervisor_->StopClaiming();
+    absl::SleepFor(absl::Milliseconds(200));
   }
 
   // Submits a job of a new scene, whose worker does what `act` says. Returns its id.

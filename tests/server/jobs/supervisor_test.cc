@@ -210,7 +210,7 @@ TEST_F(SupervisorTest, RequeuesRunningJobsOnStop) {
 }
 
 TEST_F(SupervisorTest, ClaimsNoJobsAfterAStop) {
-  supervisor_->StopClaiming();
+  StopClaims();
   const std::string job = Submit("succeed");
   absl::SleepFor(absl::Milliseconds(200));
   EXPECT_EQ(store_->jobs().GetJob(job)->state, JobState::kQueued);
@@ -218,7 +218,7 @@ TEST_F(SupervisorTest, ClaimsNoJobsAfterAStop) {
 
 // A server that is killed leaves its job RUNNING in the store.
 TEST_F(SupervisorTest, RunsTheJobOfAKilledServerAgain) {
-  supervisor_->StopClaiming();
+  StopClaims();
   const std::string job = Submit("succeed");
   ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
   Restart();
@@ -228,7 +228,7 @@ TEST_F(SupervisorTest, RunsTheJobOfAKilledServerAgain) {
 }
 
 TEST_F(SupervisorTest, FailsAJobDuringWhichServersKeepEnding) {
-  supervisor_->StopClaiming();
+  StopClaims();
   const std::string job = Submit("succeed");
   for (int fence = 1; fence < 100; ++fence) {
     ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
@@ -243,7 +243,7 @@ TEST_F(SupervisorTest, FailsAJobDuringWhichServersKeepEnding) {
 
 // Three servers end during one attempt each, and then the worker crashes once.
 TEST_F(SupervisorTest, DoesNotCountEndsOfTheServerAsCrashes) {
-  supervisor_->StopClaiming();
+  StopClaims();
   const std::string job = Submit("crash at 4");
   for (int i = 0; i < 3; ++i) {
     ASSERT_TRUE((*store_->queue().ClaimJob("cpu")).has_value());
