@@ -33,6 +33,7 @@
 #include "server/services/detector_words.h"
 #include "server/services/evaluation_service.h"
 #include "server/services/job_service.h"
+#include "server/services/job_snapshots.h"
 #include "server/services/label_service.h"
 #include "server/services/label_words.h"
 #include "server/services/render_service.h"
@@ -78,6 +79,13 @@ constexpr WorkerPool::Limits kPhotographLimits = {.threads = kNumPhotographProce
                                                   .threads_of_owner = kNumPhotographProcesses / 2,
                                                   .queued_of_owner = kMaxQueuedPhotographs / 2};
 constexpr absl::Duration kTick = absl::Seconds(2);
+
+bool IsEndOfJob(const v1::JobEvent& event) {
+  const v1::JobState state = event.state_changed().state();
+  return state == v1::JOB_STATE_SUCCEEDED || state == v1::JOB_STATE_FAILED ||
+         state == v1::JOB_STATE_CANCELLED;
+}
+
 // Time for idle clients to see that the server closes their connections.
 constexpr absl::Duration kGoAway = absl::Milliseconds(200);
 
@@ -99,6 +107,7 @@ struct Server::Parts {
   Device device;              // computes queries; a worker opens its own by the same id
   int64_t device_memory = 0;  // that a training may take, bytes
   std::unique_ptr<ModelLoader> models;
+  std::unique_ptr<JobSnapshots> snapshots;
   ServerMetrics metrics;
   std::filesystem::path sam, detector;     // folders of their files; empty: none
   TextTask text_task;                      // without a program: there is no text command
@@ -197,6 +206,7 @@ absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
   models = std::make_unique<ModelLoader>(
       ModelLoader::Dependencies{options.data, *store, *quotas, *device.backend},
       MakeModelCache(options, *device.backend));
+  snapshots = std::make_unique<JobSnapshots>(*models, ScratchFolder(options.data));
   return absl::OkStatus();
 }
 
@@ -219,6 +229,8 @@ absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
   };
   job_options.on_event = [this](const std::string& job, const v1::JobEvent& event) {
     metrics.jobs().Observe(job, event);
+    // Its model answers from now on.
+    if (IsEndOfJob(event)) snapshots->Forget(job);
   };
   ASSIGN_OR_RETURN(supervisor, Supervisor::Start(*store, std::move(job_options)));
   return absl::OkStatus();
@@ -238,7 +250,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   tools.has_sam = !sam.empty();
   tools.has_lpips = !options.workers.lpips_weights.empty();
   tools.num_threads = options.num_threads > 0 ? options.num_threads : NumCores();
-  scenes = std::make_unique<SceneServiceRpc>(*runner, *models, *blobs);
+  scenes = std::make_unique<SceneServiceRpc>(*runner, *models, *snapshots, *blobs);
   datasets = std::make_unique<DatasetServiceRpc>(
       *runner, *models, *blobs,
       DatasetServiceRpc::Dependencies{tools.has_priors_command || tools.has_sam,
@@ -273,11 +285,12 @@ void Server::Parts::MakeQueryServices(int num_threads) {
   const std::vector<WordSource*> words = {label_words.get(), detector_words.get(),
                                           text_command.get()};
   finds = std::make_unique<FindAnswers>(*models, *images, seen, words);
-  segmentation = std::make_unique<SegmentationServiceRpc>(*runner, *models, *images, *finds);
+  segmentation =
+      std::make_unique<SegmentationServiceRpc>(*runner, *models, *snapshots, *images, *finds);
   labels = std::make_unique<LabelServiceRpc>(*runner, *models);
   selected = std::make_unique<Selections>(*store, models->data_folder());
   selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *images, *selected);
-  renders = std::make_unique<RenderServiceRpc>(*runner, *models, *selected);
+  renders = std::make_unique<RenderServiceRpc>(*runner, *models, *snapshots, *selected);
   evaluations = std::make_unique<EvaluationServiceRpc>(*runner, *models, *blobs, photographs);
 }
 

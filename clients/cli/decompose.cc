@@ -166,7 +166,8 @@ void AddDecompose(CLI::App& app, Shell& shell) {
   CLI::App* verb = app.add_subcommand("decompose", "Split a model into parts, objects and groups");
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
   AddScalesFlag(*verb, flags->scales);
-  verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
+  verb->add_option("--model", flags->model, "Number of the model, or a job: jobs/j3")
+      ->capture_default_str();
   verb->add_option(
       "--out", flags->out,
       "Folder for level_N/segment_ID.ply and, for each view, STEM_ids.png (16-bit grey: the "

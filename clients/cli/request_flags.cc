@@ -41,7 +41,10 @@ void AddNegative(CLI::App& verb, PromptFlags& flags, CLI::Option* point) {
 
 CLI::Option* AddSceneAndView(CLI::App& verb, PromptFlags& flags) {
   verb.add_option("SCENE", flags.scene, "Id of the scene")->required();
-  verb.add_option("--model", flags.model, "Number of the model")->capture_default_str();
+  verb.add_option("--model", flags.model,
+                  "Number of the model; a job in training, such as jobs/j3, for segment, propose, "
+                  "decompose, render")
+      ->capture_default_str();
   AddFrameFlag(verb, flags.frame);
   return verb.add_option("--view", flags.view, "Name of the view that the prompt is in");
 }

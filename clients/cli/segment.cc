@@ -95,6 +95,13 @@ absl::Status WriteMaskAndOverlay(const Client& client, const SegmentFlags& flags
   return WritePng(stem.string() + "_overlay.png", overlay);
 }
 
+// Says how far the training is that the answer comes from.
+void NoteSnapshot(const v1::SegmentViewsResponse& answer) {
+  if (!answer.has_snapshot()) return;
+  Note(absl::StrFormat("%s is still training: this is step %d of %d", answer.snapshot().job(),
+                       answer.snapshot().step(), answer.snapshot().num_steps()));
+}
+
 // Prints the granularity used, and a line for each mask.
 void PrintAnswer(const v1::SegmentViewsResponse& answer) {
   Print(absl::StrFormat("%s  scale %.3f (%.4g scene units)  threshold %.3f", answer.model(),
@@ -128,6 +135,7 @@ absl::Status RunSegment(const Shell& shell, const SegmentFlags& flags) {
   }
   shell.json ? PrintJson(answer) : PrintAnswer(answer);
   WarnOfBox(answer);
+  NoteSnapshot(answer);
   if (!flags.out.empty()) Note(absl::StrCat("masks and overlays are in ", flags.out));
   return absl::OkStatus();
 }

@@ -19,6 +19,7 @@ std::string JobName(const std::string& job) {
 }
 
 std::string ModelName(const std::string& scene, const std::string& model) {
+  if (absl::StartsWith(model, "jobs/")) return model;
   return absl::StrCat(SceneName(scene), "/models/", model);
 }
 

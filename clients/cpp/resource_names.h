@@ -11,7 +11,8 @@ std::string SceneName(const std::string& scene);
 // Returns the resource name of a job: "jobs/j1" for "j1" and "jobs/j1".
 std::string JobName(const std::string& job);
 // Returns the resource name of a model of a scene, which is given by id or name. `model` is a
-// number, or "live" for the live model.
+// number, or "live" for the live model. The name of a job, "jobs/j1", which queries take in place
+// of a model's, is returned as it is.
 std::string ModelName(const std::string& scene, const std::string& model = "live");
 
 // Returns the scene that a resource belongs to: "scenes/shelf" for "scenes/shelf/models/3".

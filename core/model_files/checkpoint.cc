@@ -154,10 +154,16 @@ absl::Status WriteCheckpoint(const std::filesystem::path& path, const Checkpoint
 }
 
 absl::StatusOr<Checkpoint> ReadCheckpoint(const std::filesystem::path& path) {
+  ASSIGN_OR_RETURN(std::vector<char> bytes, ReadBytes(path));
+  return ParseCheckpoint(std::move(bytes), path);
+}
+
+absl::StatusOr<Checkpoint> ParseCheckpoint(std::vector<char> bytes,
+                                           const std::filesystem::path& name) {
   Checkpoint checkpoint;
-  ASSIGN_OR_RETURN(checkpoint.storage, ReadBytes(path));
+  checkpoint.storage = std::move(bytes);
   const absl::Status parsed = Parse(checkpoint);
-  if (!parsed.ok()) return Damaged(path, parsed.message());
+  if (!parsed.ok()) return Damaged(name, parsed.message());
   return checkpoint;
 }
 

@@ -57,6 +57,9 @@ absl::Status WriteCheckpoint(const std::filesystem::path& path, const Checkpoint
 // Reads a checkpoint and verifies its digest. NOT_FOUND: there is no such file. DATA_LOSS, naming
 // the file: it is truncated, damaged or of another format.
 absl::StatusOr<Checkpoint> ReadCheckpoint(const std::filesystem::path& path);
+// Does the same with the bytes of a file, which errors call `name`.
+absl::StatusOr<Checkpoint> ParseCheckpoint(std::vector<char> bytes,
+                                           const std::filesystem::path& name);
 
 // Converts between the state of a stage and the sections of its checkpoint. The stage has one
 // function that visits each part of its state, for writing as well as for reading, so that the two

@@ -181,8 +181,8 @@ absl::StatusOr<Model> ReadModel(const std::filesystem::path& folder) {
   return model;
 }
 
-absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureField& field) {
-  RETURN_IF_ERROR(CheckField(field, path.string()));
+absl::StatusOr<std::string> FormatFeatureField(const FeatureField& field, const std::string& name) {
+  RETURN_IF_ERROR(CheckField(field, name));
   // The header as arrays, so that BytesOf can write them. Their sizes need no padding.
   const bool two_layers = field.gate.size() == kTwoLayerGateNumbers;
   const std::vector<uint32_t> head = {two_layers ? kTwoLayerVersion : kOneLayerVersion,
@@ -195,23 +195,31 @@ absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureFi
   // Features have length 1 or 0, far within the range of half precision.
   for (const float value : field.features) halves.push_back(HalfFromFloat(value).bits);
   for (const float value : field.confidence) halves.push_back(HalfFromFloat(value).bits);
-  ASSIGN_OR_RETURN(AtomicFile file, AtomicFile::Create(path));
-  RETURN_IF_ERROR(file.Append(std::string_view(kFeatureMagic.data(), kFeatureMagic.size())));
+  std::string bytes(kFeatureMagic);
   for (const std::string_view part :
        {BytesOf(head), BytesOf(count), BytesOf(tail), BytesOf(field.gate),
         BytesOf(field.scale_quantiles), BytesOf(halves)}) {
-    RETURN_IF_ERROR(file.Append(part));
+    bytes.append(part);
   }
-  return file.Commit();
+  return bytes;
+}
+
+absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureField& field) {
+  ASSIGN_OR_RETURN(const std::string bytes, FormatFeatureField(field, path.string()));
+  return WriteFileAtomically(path, bytes);
 }
 
 absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
                                              const std::string& name) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxFeatureBytes));
-  if (bytes.compare(0, kFeatureMagic.size(), kFeatureMagic.data(), kFeatureMagic.size()) != 0) {
+  return ParseFeatureField(bytes, name);
+}
+
+absl::StatusOr<FeatureField> ParseFeatureField(std::string_view bytes, const std::string& name) {
+  if (!bytes.starts_with(std::string_view(kFeatureMagic.data(), kFeatureMagic.size()))) {
     return Refused(name, "is not a feature file");
   }
-  ByteReader reader(bytes);
+  ByteReader reader(absl::string_view(bytes.data(), bytes.size()));
   reader.Skip(kFeatureMagic.size());
   const auto version = reader.Take<uint32_t>();
   const auto dim = reader.Take<uint32_t>();

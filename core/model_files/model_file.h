@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -54,6 +55,9 @@ absl::Status WriteFeatureFile(const std::filesystem::path& path, const FeatureFi
 // version or is cut short.
 absl::StatusOr<FeatureField> ReadFeatureFile(const std::filesystem::path& path,
                                              const std::string& name);
+// Return the bytes of such a file, and the field in them, with the same errors, which name `name`.
+absl::StatusOr<std::string> FormatFeatureField(const FeatureField& field, const std::string& name);
+absl::StatusOr<FeatureField> ParseFeatureField(std::string_view bytes, const std::string& name);
 
 // Writes a selection as a file, atomically. Its format, little-endian without padding:
 //   char[8]   "PPSGSELE"

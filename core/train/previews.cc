@@ -11,9 +11,8 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kMinInterval = 2;      // seconds
-constexpr double kGrowth = 1.1;         // of the time since the stage's start
-constexpr double kMaxCost = 1. / 100.;  // share of the stage's time
+constexpr double kMinInterval = 2;  // seconds
+constexpr double kGrowth = 1.1;     // of the time since the stage's start
 constexpr int kQualities[] = {85, 70, 50, 30};
 
 Eigen::Vector3d CenterOfCamera(const View& view) {
@@ -23,7 +22,7 @@ Eigen::Vector3d CenterOfCamera(const View& view) {
 }  // namespace
 
 void PreviewSchedule::Record(double start, double end) {
-  next_ = std::max({start + kMinInterval, start * kGrowth, end + (end - start) / kMaxCost});
+  next_ = std::max({start + kMinInterval, start * kGrowth, end + (end - start) / max_cost_});
 }
 
 size_t PreviewView(const Capture& capture) {

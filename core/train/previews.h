@@ -12,18 +12,23 @@
 
 namespace pepeseg {
 
-// When previews of a stage are due. Times are seconds since the stage's start. The first one is due
-// at once; then the time since the start must have grown by a tenth, at least 2 s must have passed,
-// and a hundred times as long as the last preview took. So all but the first one, and the one at the
-// end of the stage, cost at most a hundredth of the time.
+// When previews or snapshots of a stage are due. Times are seconds since the stage's start. After
+// the first one the time since the start must have grown by a tenth, at least 2 s must have passed,
+// and as long as the last one took, divided by `max_cost`. So all but the first one, and a preview
+// at the end of the stage, cost at most that share of the time.
 class PreviewSchedule {
  public:
+  // `first`: when the first one is due.
+  explicit PreviewSchedule(double first = 0, double max_cost = 0.01)
+      : max_cost_(max_cost), next_(first) {}
+
   bool Due(double seconds) const { return seconds >= next_; }
   // Records a preview that was made between the times `start` and `end`.
   void Record(double start, double end);
 
  private:
-  double next_ = 0;
+  double max_cost_;
+  double next_;
 };
 
 // Returns the index of the training view whose camera is nearest to the mean of the centres of all

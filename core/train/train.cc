@@ -26,6 +26,7 @@
 #include "core/train/prior_stage.h"
 #include "core/train/run_stage.h"
 #include "core/train/scene_warnings.h"
+#include "core/train/snapshots.h"
 #include "core/train/stage_log.h"
 #include "core/train/training_facts.h"
 #include "core/train/training_inputs.h"
@@ -186,6 +187,8 @@ absl::Status Training::TakeGivenGaussians(const DatasetFile& file) {
     return absl::InvalidArgumentError(file.name + ": has no Gaussians");
   }
   model_.facts["gaussians"] = "given as " + file.name;
+  if (observer_.FirstSnapshotSeconds())
+    RETURN_IF_ERROR(WriteModelTo(inputs_.folders.run / kGivenFolder));
   return stages_.EndSkipped({.num_gaussians = static_cast<double>(model_.gaussians.count)},
                             "given");
 }
@@ -249,7 +252,10 @@ absl::Status Training::TrainFeatures() {
   ASSIGN_OR_RETURN(const auto trainer,
                    ResumeOrCreate<FeatureTrainer>(checkpoints, stages_, backend_, scene_.capture,
                                                   model_.gaussians, settings_.features));
-  ASSIGN_OR_RETURN(model_.field, RunStage(*trainer, checkpoints, stages_));
+  Snapshots snapshots(*trainer, observer_);
+  ASSIGN_OR_RETURN(model_.field,
+                   RunStage(*trainer, checkpoints, stages_,
+                            [&](const StepReport& report) { return snapshots.TakeIfDue(report); }));
   RETURN_IF_ERROR(CheckDevice());
   return stages_.End({.mask_quality = trainer->mask_quality()});
 }

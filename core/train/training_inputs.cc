@@ -33,7 +33,8 @@ void RemoveIntermediates(const TrainingFolders& folders) {
   }
   std::filesystem::remove_all(folders.priors, ignored);
   // Only the intermediate folders of this run go: the model lies next to them.
-  for (const char* name : {kHeicFolder, kFramesFolder, kPosesFolder, kReconstructFolder}) {
+  for (const char* name :
+       {kHeicFolder, kFramesFolder, kPosesFolder, kReconstructFolder, kGivenFolder}) {
     std::filesystem::remove_all(folders.run / name, ignored);
   }
 }

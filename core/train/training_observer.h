@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "core/base/progress.h"
 #include "core/evaluate/image_scores.h"
 #include "core/model_files/checkpoint.h"
+#include "core/scene/model.h"
 #include "core/train/settings/stage_plan.h"
 #include "core/train/training_inputs.h"
 #include "core/train/training_metrics.h"
@@ -48,6 +50,13 @@ struct Preview {
 inline constexpr int kMaxPreviewSide = 640;
 inline constexpr size_t kMaxPreviewBytes = 30'000;
 
+// The field as stage two trains it.
+struct FieldSnapshot {
+  int64_t step = 0, num_steps = 0;  // steps of the stage done, and their number
+  FeatureField field = {};
+};
+inline constexpr double kMaxSnapshotCost = 0.02;  // share of the stage's time, see PreviewSchedule
+
 // How a stage ended.
 struct StageEnd {
   Stage stage = Stage::kPrepare;
@@ -73,6 +82,11 @@ class TrainingObserver {
   // Returns true if stage one is to render previews for ShowPreview.
   virtual bool WantsPreviews() const { return false; }
   virtual absl::Status ShowPreview(const Preview&) { return absl::OkStatus(); }
+  // Returns the time from the start of stage two's steps to the first call of KeepSnapshot,
+  // seconds; further ones follow as PreviewSchedule says. Absent: none. The Gaussians are then
+  // below the run's folder as a model, in kReconstructFolder or kGivenFolder.
+  virtual std::optional<double> FirstSnapshotSeconds() const { return std::nullopt; }
+  virtual absl::Status KeepSnapshot(const FieldSnapshot&) { return absl::OkStatus(); }
   virtual absl::Status EndStage(const StageEnd&) { return absl::OkStatus(); }
 
   // Receive a sentence for the owner of the training, or for the operator of the machine.

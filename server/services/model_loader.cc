@@ -84,27 +84,40 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const NamedScenes& scenes, const
 
 absl::StatusOr<ResidentModel> ModelLoader::Load(const SceneChild& model) {
   ASSIGN_OR_RETURN(const ModelRecord record, Find(model));
-  MemoryBytes need;
   const std::filesystem::path folder = deps_.data_folder / record.folder;
-  ModelCache::Source source;
-  source.name = ChildName(record.scene, "models", record.number);
-  source.owner = record.scene.project;
-  source.need = [&]() -> absl::StatusOr<MemoryBytes> {
+  LoadableModel loadable;
+  loadable.key = ResidentKey(record);
+  loadable.name = ChildName(record.scene, "models", record.number);
+  loadable.project = record.scene.project;
+  loadable.shape = [&]() -> absl::StatusOr<ModelShape> {
     // The folder's name comes from the database, so it is checked to lie in the data folder before
     // it is opened.
     RETURN_IF_ERROR(CheckModelFolder(deps_.data_folder, record.folder));
-    ASSIGN_OR_RETURN(const ModelShape shape, ReadModelShape(folder));
+    return ReadModelShape(folder);
+  };
+  loadable.read = [&] { return ReadModel(folder); };
+  ASSIGN_OR_RETURN(ModelCache::Handle loaded, Load(loadable));
+  return ResidentModel{loadable.name, std::move(loaded), {record.scene, record.number}};
+}
+
+absl::StatusOr<ModelCache::Handle> ModelLoader::Load(const LoadableModel& model) {
+  MemoryBytes need;
+  ModelCache::Source source;
+  source.name = model.name;
+  source.owner = model.project;
+  source.need = [&]() -> absl::StatusOr<MemoryBytes> {
+    ASSIGN_OR_RETURN(const ModelShape shape, model.shape());
     need = BytesOfModel(deps_.backend, shape);
     return need;
   };
   source.load = [&]() -> absl::StatusOr<std::unique_ptr<SceneModel>> {
-    ASSIGN_OR_RETURN(Model model, ReadModel(folder));
-    return SceneModel::Create(deps_.backend, std::move(model), &map_counts_);
+    ASSIGN_OR_RETURN(Model read, model.read());
+    return SceneModel::Create(deps_.backend, std::move(read), &map_counts_);
   };
   // The callbacks run before Acquire returns, and only if the model is not in memory: a hit costs
   // no read of the disk or of the quota.
-  source.share = [&] { return ShareOf(record.scene.project); };
-  auto loaded = cache_->Acquire(ResidentKey(record), source);
+  source.share = [&] { return ShareOf(model.project); };
+  auto loaded = cache_->Acquire(model.key, source);
   // An UNAVAILABLE of the database is private and says nothing about memory.
   const bool no_room = absl::IsResourceExhausted(loaded.status()) ||
                        (absl::IsUnavailable(loaded.status()) && !IsPrivate(loaded.status()));
@@ -112,8 +125,7 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const SceneChild& model) {
     // The error of a quota has a detail of its own, which WithBytes keeps.
     return WithBytes(WithPrefix(source.name + ": ", loaded.status()), need, cache_->budget());
   }
-  RETURN_IF_ERROR(loaded.status());
-  return ResidentModel{source.name, *std::move(loaded), {record.scene, record.number}};
+  return loaded;
 }
 
 absl::StatusOr<ResidentModel> ModelLoader::LoadWithFeatures(const NamedScenes& scenes,

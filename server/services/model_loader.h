@@ -2,13 +2,16 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/query/scene_model.h"
+#include "pepeseg/v1/snapshot.pb.h"
 #include "server/access/project_quotas.h"
 #include "server/api/resource_name.h"
 #include "server/residency/memory_budget.h"
@@ -19,7 +22,8 @@ namespace pepeseg {
 
 using ModelCache = ResidentCache<SceneModel>;
 
-// A model in memory; it stays there for as long as `loaded` is held.
+// A model in memory; it stays there for as long as `loaded` is held. `snapshot`: it is the state of
+// a job that still trains it; then `name` is the job's, and id.number is 0.
 struct ResidentModel {
   const SceneModel& operator*() const { return *loaded; }
   const SceneModel* operator->() const { return &*loaded; }
@@ -27,6 +31,23 @@ struct ResidentModel {
   std::string name;  // for clients
   ModelCache::Handle loaded;
   SceneChild id;
+  std::optional<v1::Snapshot> snapshot = std::nullopt;
+};
+
+// Names the model in its answer.
+template <class Response>
+void SetModel(const ResidentModel& model, Response* response) {
+  response->set_model(model.name);
+  if (model.snapshot) *response->mutable_snapshot() = *model.snapshot;
+}
+
+// A model that may not be in memory yet. The functions are called only if it is not.
+struct LoadableModel {
+  std::string key;      // in the cache
+  std::string name;     // for clients
+  std::string project;  // in whose share it is counted
+  std::function<absl::StatusOr<ModelShape>()> shape;
+  std::function<absl::StatusOr<Model>()> read;
 };
 
 // Returns FAILED_PRECONDITION for a model that was trained without masks, so has no features.
@@ -65,6 +86,9 @@ class ModelLoader {
   // FAILED_PRECONDITION: see CheckFeatures.
   absl::StatusOr<ResidentModel> LoadWithFeatures(const NamedScenes& scenes, const std::string& name,
                                                  const std::string& field);
+
+  // Returns a model that is no record's, with the errors of Load.
+  absl::StatusOr<ModelCache::Handle> Load(const LoadableModel& model);
 
   // Reserves `bytes` of host memory for an answer about a model of the project, out of the budget
   // and the project's share of its models. RESOURCE_EXHAUSTED or UNAVAILABLE: there is no room.

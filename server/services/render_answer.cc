@@ -199,7 +199,7 @@ absl::Status RenderAnswers::Render(const UnaryCall& call, const v1::RenderViewRe
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
   ASSIGN_OR_RETURN(RenderQuery query, ReadQuery(call.scenes(), selections_, model, request));
   RETURN_IF_ERROR(RenderToFit(call, *model, std::move(query), response));
-  response->set_model(model.name);
+  SetModel(model, response);
   return CheckAnswerSize(response->ByteSizeLong());
 }
 

@@ -3,7 +3,7 @@
 #include "absl/status/status.h"
 #include "pepeseg/v1/render_service.pb.h"
 #include "server/rpc/call_runner.h"
-#include "server/services/model_loader.h"
+#include "server/services/job_snapshots.h"
 #include "server/services/selections.h"
 
 namespace pepeseg {
@@ -11,7 +11,7 @@ namespace pepeseg {
 // Answers RenderView calls. Both must outlive it.
 class RenderAnswers {
  public:
-  RenderAnswers(ModelLoader& models, const Selections& selections)
+  RenderAnswers(JobSnapshots& models, const Selections& selections)
       : models_(models), selections_(selections) {}
 
   // Blocks for as long as the model takes to load and, if the request names or asks for segments,
@@ -20,7 +20,7 @@ class RenderAnswers {
                       v1::RenderViewResponse* response) const;
 
  private:
-  ModelLoader& models_;
+  JobSnapshots& models_;
   const Selections& selections_;
 };
 

@@ -7,8 +7,8 @@
 namespace pepeseg {
 
 RenderServiceRpc::RenderServiceRpc(const CallRunner& runner, ModelLoader& models,
-                                   const Selections& selections)
-    : runner_(runner), models_(models), selections_(selections) {}
+                                   JobSnapshots& snapshots, const Selections& selections)
+    : runner_(runner), models_(models), snapshots_(snapshots), selections_(selections) {}
 
 absl::Status RenderServiceRpc::RenderView(const UnaryCall& call,
                                           const v1::RenderViewRequest& request,

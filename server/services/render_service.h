@@ -12,7 +12,8 @@ namespace pepeseg {
 class RenderServiceRpc final : public v1::RenderService::CallbackService {
  public:
   // All must outlive it.
-  RenderServiceRpc(const CallRunner& runner, ModelLoader& models, const Selections& selections);
+  RenderServiceRpc(const CallRunner& runner, ModelLoader& models, JobSnapshots& snapshots,
+                   const Selections& selections);
 
   PEPESEG_UNARY(RenderView, v1::RenderViewRequest, v1::RenderViewResponse)
   grpc::ServerWriteReactor<v1::ExportGaussiansResponse>* ExportGaussians(
@@ -21,8 +22,9 @@ class RenderServiceRpc final : public v1::RenderService::CallbackService {
  private:
   const CallRunner& runner_;
   ModelLoader& models_;
+  JobSnapshots& snapshots_;
   const Selections& selections_;
-  const RenderAnswers answers_{models_, selections_};
+  const RenderAnswers answers_{snapshots_, selections_};
 };
 
 }  // namespace pepeseg

@@ -110,8 +110,13 @@ absl::Status FillViews(const Model& model, const PageRequest& page,
 
 }  // namespace
 
-SceneServiceRpc::SceneServiceRpc(const CallRunner& runner, ModelLoader& models, BlobStore& blobs)
-    : runner_(runner), models_(models), store_(models.store()), blobs_(blobs) {}
+SceneServiceRpc::SceneServiceRpc(const CallRunner& runner, ModelLoader& models,
+                                 JobSnapshots& snapshots, BlobStore& blobs)
+    : runner_(runner),
+      models_(models),
+      snapshots_(snapshots),
+      store_(models.store()),
+      blobs_(blobs) {}
 
 absl::Status SceneServiceRpc::FillScene(const SceneRecord& record, const Caller& caller,
                                         v1::Scene* scene) const {
@@ -222,7 +227,7 @@ absl::Status SceneServiceRpc::ListViews(const UnaryCall& call, const v1::ListVie
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
   ASSIGN_OR_RETURN(const ResidentModel model,
-                   models_.Load(call.scenes(), request.parent(), "parent"));
+                   snapshots_.Load(call.scenes(), request.parent(), "parent"));
   return FillViews(model->model(), page, response);
 }
 

@@ -3,6 +3,7 @@
 #include "pepeseg/v1/scene_service.grpc.pb.h"
 #include "server/data/blob_store.h"
 #include "server/rpc/call_runner.h"
+#include "server/services/job_snapshots.h"
 #include "server/services/model_loader.h"
 
 namespace pepeseg {
@@ -11,7 +12,8 @@ namespace pepeseg {
 class SceneServiceRpc final : public v1::SceneService::CallbackService {
  public:
   // All must outlive it.
-  SceneServiceRpc(const CallRunner& runner, ModelLoader& models, BlobStore& blobs);
+  SceneServiceRpc(const CallRunner& runner, ModelLoader& models, JobSnapshots& snapshots,
+                  BlobStore& blobs);
 
   PEPESEG_UNARY(CreateScene, v1::CreateSceneRequest, v1::Scene)
   PEPESEG_UNARY(GetScene, v1::GetSceneRequest, v1::Scene)
@@ -31,6 +33,7 @@ class SceneServiceRpc final : public v1::SceneService::CallbackService {
 
   const CallRunner& runner_;
   ModelLoader& models_;
+  JobSnapshots& snapshots_;
   Store& store_;
   BlobStore& blobs_;
 };

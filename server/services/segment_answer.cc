@@ -48,7 +48,7 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
   *response->mutable_timing()->mutable_queue() = ToProto(call.queued);
   const ResidentModel& model = answer->model_;
   *response->mutable_timing()->mutable_load() = ToProto(stopwatch.Lap());
-  const SegmentRequestReader reader(model->model(), model.id, tools.models.store());
+  const SegmentRequestReader reader(model->model(), model.id, tools.store);
   ASSIGN_OR_RETURN(answer->asked_, reader.Read(request));
   answer->check_ = std::move(call.check);
   RETURN_IF_ERROR(answer->ChooseSam(tools));
@@ -57,6 +57,7 @@ absl::StatusOr<std::unique_ptr<SegmentAnswer>> SegmentAnswer::Begin(
 }
 
 absl::Status SegmentAnswer::ChooseSam(const SegmentTools& tools) {
+  if (model_.snapshot) return CheckAsksNoSam();
   const bool suits = SuitsSam(model_->model(), tools.images);
   const absl::Status few = CheckSamTargets(asked_.targets.size());
   const bool are_few = few.ok() && (asked_.targets.size() <= kMaxNewTargets ||
@@ -72,6 +73,15 @@ absl::Status SegmentAnswer::ChooseSam(const SegmentTools& tools) {
   asked_.images = images_.get();
   asked_.images_of_prompted_view_only = !is_sam_needed_ && !are_few;
   return absl::OkStatus();
+}
+
+// The training keeps what SAM sees in the photographs at its end.
+absl::Status SegmentAnswer::CheckAsksNoSam() const {
+  if (!AsksSam(request_)) return absl::OkStatus();
+  return WithResource(
+      absl::FailedPreconditionError(absl::StrCat(
+          model_.name, " is still training: leave sam_borders and sam_clicks out until it ends")),
+      "NO_SAM", model_.name);
 }
 
 // Where nobody asked for SAM, an answer without it is better than none.
@@ -113,7 +123,7 @@ std::optional<absl::Status> SegmentAnswer::SegmentNext() {
   if (!views_->done()) return std::nullopt;
   *response_->mutable_timing()->mutable_compute() = ToProto(compute_);
   *response_->mutable_timing()->mutable_encode() = ToProto(encode_);
-  response_->set_model(model_.name);
+  SetModel(model_, response_);
   return absl::OkStatus();
 }
 

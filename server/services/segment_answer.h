@@ -7,6 +7,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/segmentation_service.pb.h"
+#include "server/services/job_snapshots.h"
 #include "server/services/model_loader.h"
 #include "server/services/view_images.h"
 
@@ -14,7 +15,8 @@ namespace pepeseg {
 
 // What answers to SegmentViewsRequests are made with. All must outlive the answers.
 struct SegmentTools {
-  ModelLoader& models;
+  JobSnapshots& models;
+  Store& store;
   ViewImages& images;
 };
 
@@ -47,6 +49,8 @@ class SegmentAnswer {
   SegmentAnswer(const v1::SegmentViewsRequest& request, v1::SegmentViewsResponse* response)
       : request_(request), response_(response) {}
   absl::Status ChooseSam(const SegmentTools& tools);
+  // Returns FAILED_PRECONDITION if a request asks for SAM of a model in training.
+  absl::Status CheckAsksNoSam() const;
   bool LeaveSam(const absl::Status& status);
   absl::Status BeginViews();
 

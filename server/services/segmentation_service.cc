@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -31,10 +32,12 @@ namespace {
 class StreamSegmentsCall final
     : public NewestStream<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse> {
  public:
-  StreamSegmentsCall(const CallRunner& runner, const SegmentTools& tools, CallOrigin origin)
+  StreamSegmentsCall(const CallRunner& runner, const SegmentTools& tools,
+                     std::filesystem::path data_folder, CallOrigin origin)
       : NewestStream(&runner.streams(), &runner.pools().query),
         runner_(runner),
         tools_(tools),
+        data_folder_(std::move(data_folder)),
         origin_(std::move(origin)) {}
 
  private:
@@ -50,6 +53,7 @@ class StreamSegmentsCall final
 
   const CallRunner& runner_;
   const SegmentTools tools_;
+  const std::filesystem::path data_folder_;
   const CallOrigin origin_;
   const absl::Time begin_ = absl::Now();
   bool admitted_ = false;    // the caller may use this stream
@@ -107,7 +111,7 @@ Stream::Step StreamSegmentsCall::Send(const absl::Status& status) {
   runner_.pools().query.latencies().Record(end - answer_begin_, end);
   if (status.ok()) return {Next::kIo, absl::OkStatus()};
   v1::Status error = ToProto(status);
-  const ClientErrorRules rules = {tools_.models.data_folder(), origin_.request_id};
+  const ClientErrorRules rules = {data_folder_, origin_.request_id};
   // The interceptor sees only the status of the stream, not the errors in its messages.
   if (HidePrivateText(rules, error)) {
     spdlog::warn("StreamSegments: {}, request {}", status.ToString(), origin_.request_id);
@@ -141,15 +145,16 @@ Stream::Step StreamSegmentsCall::Work(bool) {
 }  // namespace
 
 SegmentationServiceRpc::SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models,
-                                               ViewImages& images, FindAnswers& finds)
-    : runner_(runner), models_(models), images_(images), finds_(finds) {}
+                                               JobSnapshots& snapshots, ViewImages& images,
+                                               FindAnswers& finds)
+    : runner_(runner), models_(models), snapshots_(snapshots), images_(images), finds_(finds) {}
 
 absl::Status SegmentationServiceRpc::ProposeScales(const UnaryCall& call,
                                                    const v1::ProposeScalesRequest& request,
                                                    v1::ProposeScalesResponse* response) const {
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model,
-                   models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
+                   snapshots_.LoadWithFeatures(call.scenes(), request.model(), "model"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
@@ -161,7 +166,7 @@ absl::Status SegmentationServiceRpc::ProposeScales(const UnaryCall& call,
   *timing.mutable_compute() = ToProto(stopwatch.Lap());
   RETURN_IF_ERROR(FillProposals(*proposals, request.mask_encoding(), response));
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
-  response->set_model(model.name);
+  SetModel(model, response);
   return CheckAnswerSize(response->ByteSizeLong());
 }
 
@@ -171,7 +176,7 @@ absl::Status SegmentationServiceRpc::DecomposeModel(const UnaryCall& call,
   ASSIGN_OR_RETURN(const std::vector<double> scales, ReadScales(request.scales(), "scales"));
   Stopwatch stopwatch;
   ASSIGN_OR_RETURN(const ResidentModel model,
-                   models_.LoadWithFeatures(call.scenes(), request.model(), "model"));
+                   snapshots_.LoadWithFeatures(call.scenes(), request.model(), "model"));
   v1::QueryTiming& timing = *response->mutable_timing();
   *timing.mutable_queue() = ToProto(call.queued);
   *timing.mutable_load() = ToProto(stopwatch.Lap());
@@ -186,7 +191,7 @@ absl::Status SegmentationServiceRpc::DecomposeModel(const UnaryCall& call,
     return absl::OkStatus();
   }));
   *timing.mutable_encode() = ToProto(stopwatch.Lap());
-  response->set_model(model.name);
+  SetModel(model, response);
   return CheckAnswerSize(response->ByteSizeLong());
 }
 
@@ -216,7 +221,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
         const QueryCall query = {unary.queued, unary.scenes(),
                                  [asked] { return asked.CheckWanted(); }};
         ASSIGN_OR_RETURN(std::shared_ptr<SegmentAnswer> answer,
-                         SegmentAnswer::Begin({models_, images_}, query, *request, response));
+                         SegmentAnswer::Begin(Tools(), query, *request, response));
         WorkerPool* const rest = answer->asks_sam() ? &runner_.pools().border : nullptr;
         return AnswerParts{[answer = std::move(answer)] { return answer->SegmentNext(); }, rest};
       });
@@ -224,7 +229,7 @@ grpc::ServerUnaryReactor* SegmentationServiceRpc::SegmentViews(
 
 grpc::ServerBidiReactor<v1::StreamSegmentsRequest, v1::StreamSegmentsResponse>*
 SegmentationServiceRpc::StreamSegments(grpc::CallbackServerContext* call) {
-  const auto stream = std::make_shared<StreamSegmentsCall>(runner_, SegmentTools{models_, images_},
+  const auto stream = std::make_shared<StreamSegmentsCall>(runner_, Tools(), models_.data_folder(),
                                                            OriginOf(*call));
   stream->BeginReading();
   return stream.get();  // owns itself until OnDone

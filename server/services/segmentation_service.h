@@ -4,7 +4,9 @@
 #include "pepeseg/v1/segmentation_service.grpc.pb.h"
 #include "server/rpc/call_runner.h"
 #include "server/services/find_answer.h"
+#include "server/services/job_snapshots.h"
 #include "server/services/model_loader.h"
+#include "server/services/segment_answer.h"
 #include "server/services/view_images.h"
 
 namespace pepeseg {
@@ -14,8 +16,8 @@ namespace pepeseg {
 class SegmentationServiceRpc final : public v1::SegmentationService::CallbackService {
  public:
   // All must outlive it.
-  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, ViewImages& images,
-                         FindAnswers& finds);
+  SegmentationServiceRpc(const CallRunner& runner, ModelLoader& models, JobSnapshots& snapshots,
+                         ViewImages& images, FindAnswers& finds);
 
   grpc::ServerUnaryReactor* SegmentViews(grpc::CallbackServerContext* call,
                                          const v1::SegmentViewsRequest* request,
@@ -28,8 +30,11 @@ class SegmentationServiceRpc final : public v1::SegmentationService::CallbackSer
   PEPESEG_UNARY(CorrectSegment, v1::CorrectSegmentRequest, v1::CorrectSegmentResponse)
 
  private:
+  SegmentTools Tools() const { return {snapshots_, models_.store(), images_}; }
+
   const CallRunner& runner_;
   ModelLoader& models_;
+  JobSnapshots& snapshots_;
   ViewImages& images_;
   FindAnswers& finds_;
 };

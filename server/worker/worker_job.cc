@@ -19,9 +19,12 @@
 #include "server/worker/worker_checkpoints.h"
 #include "server/worker/worker_progress.h"
 #include "server/worker_protocol/device.h"
+#include "server/worker_protocol/snapshot_file.h"
 
 namespace pepeseg {
 namespace {
+
+constexpr double kFirstSnapshotSeconds = 1;
 
 // Follows the training of a job: writes its events, the worker's log, and the checkpoints in the
 // job's folder. `job.stop` cancels the training.
@@ -40,6 +43,8 @@ class JobObserver final : public TrainingObserver {
   absl::Status SkipPart(const SkippedPart& skipped) override;
   bool WantsPreviews() const override { return true; }
   absl::Status ShowPreview(const Preview& preview) override;
+  std::optional<double> FirstSnapshotSeconds() const override { return kFirstSnapshotSeconds; }
+  absl::Status KeepSnapshot(const FieldSnapshot& snapshot) override;
   absl::Status EndStage(const StageEnd& end) override;
   void Warn(const std::string& message) override;
   void Log(const std::string& message) override;
@@ -50,6 +55,8 @@ class JobObserver final : public TrainingObserver {
   StageCheckpoints* checkpoints(Stage stage) override;
 
  private:
+  const JobFolder& folder_;
+  const JobSpec& spec_;
   StopSwitch& stop_;
   WorkerProgress progress_;
   const char* stage_ = "";  // name of the running stage
@@ -60,7 +67,9 @@ class JobObserver final : public TrainingObserver {
 // Checkpoints of a stage are for its own options only, so that a change of stage two's options does
 // not discard those of stage one.
 JobObserver::JobObserver(const WorkerJob& job, const TrainingSettings& settings)
-    : stop_(job.stop),
+    : folder_(job.folder),
+      spec_(job.spec),
+      stop_(job.stop),
       progress_(job.log),
       reconstruct_checkpoints_(job.folder, job.spec, Stage::kReconstruct,
                                ReconstructIdentity(job.spec, settings),
@@ -91,6 +100,15 @@ absl::Status JobObserver::SkipPart(const SkippedPart& skipped) {
 
 absl::Status JobObserver::ShowPreview(const Preview& preview) {
   return progress_.ShowPreview(preview);
+}
+
+// An error costs the snapshot only: the training needs none.
+absl::Status JobObserver::KeepSnapshot(const FieldSnapshot& snapshot) {
+  const absl::Status written = WriteSnapshotFile(
+      folder_.snapshot(spec_.fence),
+      {spec_.job, spec_.fence, snapshot.step, snapshot.num_steps, snapshot.field});
+  if (!written.ok()) spdlog::warn("no snapshot of step {}: {}", snapshot.step, written.ToString());
+  return absl::OkStatus();
 }
 
 // Logs how the stage ended, and writes the event.

@@ -249,6 +249,30 @@ absl::StatusOr<std::string> BeneathFolder::ReadFile(const fs::path& relative,
   }
 }
 
+absl::Status BeneathFolder::CopyFiles(const fs::path& to, int64_t max_bytes) const {
+  ASSIGN_OR_RETURN(const std::vector<Entry> entries, List());
+  std::vector<char> piece(1 << 20);
+  for (const Entry& entry : entries) {
+    if (!entry.is_file) continue;
+    ASSIGN_OR_RETURN(const Descriptor file, OpenFile(entry.name));
+    const fs::path copy = to / entry.name;
+    const Descriptor written(open(copy.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+    if (written.get() < 0) return FileError(copy, "create", errno);
+    ssize_t num_read = 0;
+    while ((num_read = read(file.get(), piece.data(), piece.size())) != 0) {
+      if (num_read < 0) return FileError(Name(entry.name), "read", errno);
+      max_bytes -= num_read;
+      if (max_bytes < 0) {
+        return absl::FailedPreconditionError(absl::StrCat(Name(entry.name), ": is too large"));
+      }
+      if (write(written.get(), piece.data(), static_cast<size_t>(num_read)) != num_read) {
+        return FileError(copy, "write", errno);
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
 bool BeneathFolder::HasFile(const fs::path& relative) const { return OpenFile(relative).ok(); }
 
 absl::StatusOr<std::vector<BeneathFolder::Entry>> BeneathFolder::List() const {

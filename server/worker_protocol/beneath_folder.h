@@ -66,6 +66,10 @@ class BeneathFolder {
   // larger than `max_bytes`.
   absl::StatusOr<std::string> ReadFile(const std::filesystem::path& relative,
                                        int64_t max_bytes) const;
+  // Copies the folder's regular files to the folder `to`, where they must not exist yet. Other
+  // entries are left out. FAILED_PRECONDITION: see OpenFile, or the files have more than
+  // `max_bytes`.
+  absl::Status CopyFiles(const std::filesystem::path& to, int64_t max_bytes) const;
   // Returns true if OpenFile succeeds.
   bool HasFile(const std::filesystem::path& relative) const;
 

@@ -67,6 +67,10 @@ std::filesystem::path JobFolder::checkpoints(int64_t fence) const {
   return attempt(fence) / "checkpoints";
 }
 
+std::filesystem::path JobFolder::snapshot(int64_t fence) const {
+  return work() / absl::StrCat("snapshot-", fence);
+}
+
 std::filesystem::path JobFolder::heartbeat(int64_t fence) const {
   return work() / absl::StrCat("pulse-", fence);
 }

@@ -20,10 +20,12 @@
 // there only through a BeneathFolder, which follows no links:
 //   work/events-FENCE.log    its progress
 //   work/pulse-FENCE         touched by the worker: its heartbeat
+//   work/snapshot-FENCE      the field as stage two trains it (snapshot_file.h)
 //   work/sfm.log             COLMAP's output, where it estimated poses
 //   work/attempt-FENCE/      the model, once its manifest is there, with embeddings of its
 //                            photographs (core/priors/sam/sam_embedding.h); reconstruct/: stage
-//                            one's result; checkpoints/: state of the stages; frames/ of videos,
+//                            one's result, or given/: the dataset's Gaussians, both as a model
+//                            without features; checkpoints/: state of the stages; frames/ of videos,
 //                            heic/ and poses/ of stage sfm: each whole once its own manifest is
 //                            there
 //   work/priors/             files of the priors command, and how it ended
@@ -56,6 +58,7 @@ class JobFolder {
   std::filesystem::path poses(int64_t fence) const;
   std::filesystem::path reconstruction(int64_t fence) const;
   std::filesystem::path checkpoints(int64_t fence) const;
+  std::filesystem::path snapshot(int64_t fence) const;
   // Returns the folder of masks and depth maps, which all attempts share.
   std::filesystem::path priors() const { return work() / "priors"; }
 

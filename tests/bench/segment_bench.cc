@@ -43,6 +43,7 @@ struct BenchOptions : StageOptions {
   std::string name = "run";
   int num_threads = 0;
   int num_seeds = 1;
+  int64_t snapshot_step = 0;
   CaptureFaults faults;
   int num_unscored = 0;
   bool entities = false;
@@ -117,6 +118,12 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
   return geometry;
 }
 
+// Returns the field after at least `step` steps, as a training writes it while it goes on.
+absl::StatusOr<FeatureField> SnapshotOf(FeatureTrainer& training, int64_t step) {
+  while (training.step() < step && !training.done()) RETURN_IF_ERROR(training.Step().status());
+  return training.Result();
+}
+
 absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
                                       const Geometry& geometry, const BenchOptions& options,
                                       const FeatureOptions& stage, int64_t& num_steps) {
@@ -125,7 +132,13 @@ absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,
   }
   ASSIGN_OR_RETURN(const auto training,
                    FeatureTrainer::Create(backend, capture, geometry.gaussians, stage));
-  ASSIGN_OR_RETURN(FeatureField field, RunSteps(*training, CountTo(num_steps)));
+  FeatureField field;
+  if (options.snapshot_step == 0) {
+    ASSIGN_OR_RETURN(field, RunSteps(*training, CountTo(num_steps)));
+  } else {
+    ASSIGN_OR_RETURN(field, SnapshotOf(*training, options.snapshot_step));
+    num_steps = training->step();
+  }
   if (training->mask_quality()) std::printf("# mask quality %.4f\n", *training->mask_quality());
   if (!options.field.empty()) RETURN_IF_ERROR(WriteFeatureFile(options.field, field));
   return field;
@@ -321,6 +334,8 @@ int main(int argc, char** argv) {
   app.add_option("--turn", options.turn,
                  "file that is locked while a run trains, so that runs side by side train in turn");
   app.add_option("--name", options.name, "first column");
+  app.add_option("--snapshot", options.snapshot_step,
+                 "score the field after this many steps of stage two; 0: at its end");
   app.add_option("--seeds", options.num_seeds, "runs, each with the next seed in both stages");
   app.add_option("--fixed-threshold", options.protocol.fixed_threshold);
   app.add_flag("!--no-refine-borders", options.protocol.refine_borders,

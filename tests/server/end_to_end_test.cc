@@ -178,6 +178,57 @@ TEST_F(EndToEndTest, SegmentsAModelTrainedFromPhotographs) {
               HasSubstr("element vertex " + std::to_string(model.num_gaussians()) + "\n"));
 }
 
+// Returns a click into the middle of the first view.
+v1::SegmentViewsRequest ClickOn(const std::string& model) {
+  v1::SegmentViewsRequest request;
+  request.set_model(model);
+  request.mutable_prompt()->mutable_view()->set_view("frame-000000.jpg");
+  v1::PointsPrompt::Point& point = *request.mutable_prompt()->mutable_points()->add_points();
+  point.set_x(320);
+  point.set_y(240);
+  return request;
+}
+
+TEST_F(EndToEndTest, AnswersClicksWhileItTrains) {
+  v1::TrainingOptions options = QuickOptions();
+  options.mutable_features()->set_num_steps(1'000'000);
+  (*options.mutable_advanced())["features.min_loss_fall"] = "0";
+  const std::string job = Train("shelf", UploadShelf("shelf"), options);
+  v1::SegmentViewsResponse answer;
+  // A test of a server that is busy with a training: its answers are late, and none is missing.
+  const auto click = [&] {
+    const auto now = client_->Segment(ClickOn(job));
+    EXPECT_TRUE(now.ok() || absl::IsUnavailable(now.status())) << now.status();
+    if (now.ok()) answer = *now;
+    return now.ok();
+  };
+  ASSERT_TRUE(testing::Eventually(click, absl::Minutes(2)));
+  const int64_t first = answer.snapshot().step();
+  EXPECT_GE(first, 1);
+  EXPECT_EQ(answer.snapshot().num_steps(), 1'000'000);
+  EXPECT_EQ(answer.snapshot().job(), job);
+  EXPECT_EQ(answer.model(), job);
+  EXPECT_GT(answer.masks(0).area(), 0);
+  ASSERT_TRUE(testing::Eventually([&] { return click() && answer.snapshot().step() > first; }));
+  ASSERT_OK_AND_ASSIGN(const auto views, client_->ListViews(job));
+  EXPECT_EQ(views.size(), 15u);
+  ASSERT_OK(client_->Render(job, views[0].view()));
+
+  ASSERT_OK(client_->CancelJob(job));
+  ASSERT_OK_AND_ASSIGN(const v1::Job ended, client_->WaitForJob(job));
+  EXPECT_EQ(ended.state(), v1::JOB_STATE_CANCELLED);
+  const auto none = client_->Segment(ClickOn(job));
+  EXPECT_EQ(none.status().code(), absl::StatusCode::kFailedPrecondition) << none.status();
+}
+
+TEST_F(EndToEndTest, AnswersForAJobByTheModelThatItHasMade) {
+  const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
+  ASSERT_OK(client_->WaitForJob(job));
+  ASSERT_OK_AND_ASSIGN(const auto answer, client_->Segment(ClickOn(job)));
+  EXPECT_EQ(answer.model(), "scenes/shelf/models/1");
+  EXPECT_FALSE(answer.has_snapshot());
+}
+
 TEST_F(EndToEndTest, UsesUploadedGaussiansInsteadOfStageOne) {
   const std::string job = Train("shelf", UploadShelf("shelf"), QuickOptions());
   ASSERT_OK_AND_ASSIGN(const auto events, client_->Watch(job));

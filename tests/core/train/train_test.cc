@@ -41,6 +41,14 @@ struct RecordingObserver final : TrainingObserver {
     previews.push_back(preview);
     return absl::OkStatus();
   }
+  std::optional<double> FirstSnapshotSeconds() const override { return first_snapshot; }
+  absl::Status KeepSnapshot(const FieldSnapshot& snapshot) override {
+    EXPECT_EQ(stages.back(), "features");
+    EXPECT_EQ(snapshot.step, last_step.step);
+    EXPECT_EQ(snapshot.num_steps, last_step.num_steps);
+    snapshots.push_back(snapshot);
+    return absl::OkStatus();
+  }
   absl::Status EndStage(const StageEnd& end) override {
     ends.push_back(end);
     return absl::OkStatus();
@@ -52,7 +60,9 @@ struct RecordingObserver final : TrainingObserver {
 
   std::string cancel_in;
   bool cancelled = false, polling = false, wants_previews = false;
+  std::optional<double> first_snapshot;
   std::vector<Preview> previews;
+  std::vector<FieldSnapshot> snapshots;
   StepReport last_step;
   std::vector<std::string> stages, log, damaged;
   std::vector<StageEnd> ends;
@@ -82,6 +92,9 @@ class TrainTest : public ::testing::Test {
   static std::string Gaussians(const fs::path& run) {
     return ReadFile(run / "gaussians.ply", "gaussians.ply", 1 << 30).value_or("");
   }
+  static std::string Features(const fs::path& run) {
+    return ReadFile(run / "features.bin", "features.bin", 1 << 30).value_or("");
+  }
 
   const testing::TempFolder folder_;
   const std::unique_ptr<Backend> backend_ = MakeCpuBackend(2);
@@ -106,6 +119,23 @@ TEST_F(TrainTest, RunsTheStagesInOrderAndWritesTheModel) {
     EXPECT_TRUE(entry.is_regular_file()) << entry.path() << " is left of a stage";
   }
   EXPECT_FALSE(observer_.polling);
+}
+
+TEST_F(TrainTest, GivesSnapshotsAndTrainsTheSameModel) {
+  ASSERT_OK(Run());
+  EXPECT_TRUE(observer_.snapshots.empty());
+  const std::string without = Features(inputs_.folders.run);
+  observer_ = {};
+  observer_.first_snapshot = 0;
+  inputs_.folders.run = folder_ / "run-2";
+  ASSERT_OK_AND_ASSIGN(const TrainedModel trained, Run());
+  EXPECT_EQ(Features(inputs_.folders.run), without);
+  ASSERT_GE(observer_.snapshots.size(), 1u);
+  EXPECT_EQ(observer_.snapshots.front().step, 1);
+  const FeatureField& field = observer_.snapshots.back().field;
+  EXPECT_EQ(field.features.size(), trained.model.field.features.size());
+  EXPECT_NE(field.features, trained.model.field.features);
+  EXPECT_EQ(field.scale_quantiles, trained.model.field.scale_quantiles);
 }
 
 TEST_F(TrainTest, ReportsHowEachStageEnded) {

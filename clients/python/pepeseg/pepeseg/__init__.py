@@ -44,7 +44,7 @@ from pepeseg.photographs import Photograph
 from pepeseg.png import Picture
 from pepeseg.prompts import Prompt
 from pepeseg.scenes import Model, Scene
-from pepeseg.segmentation import Proposal, Segmentation, ViewMask
+from pepeseg.segmentation import Proposal, Segmentation, Snapshot, ViewMask
 from pepeseg.subsets import Decomposition, Export, Level, Segment
 from pepeseg.upload import SealedDataset
 
@@ -96,6 +96,7 @@ __all__ = [
     "Segment",
     "Segmentation",
     "Selection",
+    "Snapshot",
     "UnauthenticatedError",
     "UnavailableError",
     "UnimplementedError",

@@ -48,7 +48,9 @@ class SceneClient(ABC):
         Args:
             scene: id of the scene: 1 to 63 of a-z, A-Z, 0-9, '_', '.' and '-', beginning with a
                 letter or a digit.
-            model: number of the model; "live" is the live one.
+            model: number of the model; "live" is the live one. "jobs/j3" is the model of a job, also
+                while the job trains it: segment, propose, decompose and render answer by its newest
+                snapshot.
             server: "[https://]host:port" or "unix:path"; else PEPESEG_SERVER, else
                 127.0.0.1:50051.
             key: an API key ("pk_...") or a JWT; else the first line of `key_file`, else

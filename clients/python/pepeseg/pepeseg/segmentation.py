@@ -47,6 +47,21 @@ class Timing:
     encode: float
 
 
+@dataclass(frozen=True)
+class Snapshot:
+    """The state of a model in training.
+
+    Attributes:
+        job: name of the job.
+        step: number of steps of stage features that were done.
+        num_steps: number of steps of that stage.
+    """
+
+    job: str
+    step: int
+    num_steps: int
+
+
 @dataclass(frozen=True, eq=False)
 class Segmentation:
     """Masks, and the scale and threshold that were used.
@@ -61,6 +76,8 @@ class Segmentation:
         box_agreement: for a box whose own view was asked for, the IoU of the box and the bounding
             box of what fits it best, which is then cut to the box; under 0.5 the model shows
             nothing that fills the box. Else None.
+        snapshot: the state that has answered, where the client's model is a job in training
+            ("jobs/j3"). Else None.
     """
 
     masks: tuple[ViewMask, ...]
@@ -70,6 +87,7 @@ class Segmentation:
     timing: Timing
     model: str
     box_agreement: float | None = None
+    snapshot: Snapshot | None = None
 
     @property
     def mask(self) -> npt.NDArray[np.bool_]:
@@ -138,6 +156,7 @@ def parse_view_mask(message: segmentation_service_pb2.SegmentViewsResponse.ViewM
 
 def parse_segmentation(answer: segmentation_service_pb2.SegmentViewsResponse) -> Segmentation:
     timing = answer.timing
+    state = answer.snapshot
     return Segmentation(
         masks=tuple(parse_view_mask(mask) for mask in answer.masks),
         scale=answer.scale_quantile,
@@ -151,6 +170,11 @@ def parse_segmentation(answer: segmentation_service_pb2.SegmentViewsResponse) ->
         ),
         model=answer.model,
         box_agreement=answer.box_agreement if answer.HasField("box_agreement") else None,
+        snapshot=(
+            Snapshot(state.job, state.step, state.num_steps)
+            if answer.HasField("snapshot")
+            else None
+        ),
     )
 
 

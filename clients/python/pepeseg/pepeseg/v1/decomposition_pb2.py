@@ -12,24 +12,25 @@ _sym_db = _symbol_database.Default()
 
 
 from pepeseg.v1 import geometry_pb2 as pepeseg_dot_v1_dot_geometry__pb2
+from pepeseg.v1 import snapshot_pb2 as pepeseg_dot_v1_dot_snapshot__pb2
 from pepeseg.v1 import timing_pb2 as pepeseg_dot_v1_dot_timing__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/decomposition.proto\x12\npepeseg.v1\x1a\x19pepeseg/v1/geometry.proto\x1a\x17pepeseg/v1/timing.proto\"7\n\nSegmentRef\x12\x0e\n\x06scales\x18\x01 \x03(\x01\x12\r\n\x05level\x18\x02 \x01(\x05\x12\n\n\x02id\x18\x03 \x01(\x05\"6\n\x15\x44\x65\x63omposeModelRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x0e\n\x06scales\x18\x02 \x03(\x01\"\xfb\x02\n\x16\x44\x65\x63omposeModelResponse\x12\x38\n\x06levels\x18\x01 \x03(\x0b\x32(.pepeseg.v1.DecomposeModelResponse.Level\x12\'\n\x06timing\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x03 \x01(\t\x1a\x62\n\x07Segment\x12\n\n\x02id\x18\x01 \x01(\x05\x12\x0e\n\x06parent\x18\x02 \x01(\x05\x12\x15\n\rnum_gaussians\x18\x03 \x01(\x03\x12$\n\x03\x62ox\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.BoundingBox\x1a\x8a\x01\n\x05Level\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x13\n\x0bscale_units\x18\x02 \x01(\x01\x12<\n\x08segments\x18\x03 \x03(\x0b\x32*.pepeseg.v1.DecomposeModelResponse.Segment\x12\x16\n\x0enum_unassigned\x18\x04 \x01(\x03\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/decomposition.proto\x12\npepeseg.v1\x1a\x19pepeseg/v1/geometry.proto\x1a\x19pepeseg/v1/snapshot.proto\x1a\x17pepeseg/v1/timing.proto\"7\n\nSegmentRef\x12\x0e\n\x06scales\x18\x01 \x03(\x01\x12\r\n\x05level\x18\x02 \x01(\x05\x12\n\n\x02id\x18\x03 \x01(\x05\"6\n\x15\x44\x65\x63omposeModelRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x0e\n\x06scales\x18\x02 \x03(\x01\"\xa3\x03\n\x16\x44\x65\x63omposeModelResponse\x12\x38\n\x06levels\x18\x01 \x03(\x0b\x32(.pepeseg.v1.DecomposeModelResponse.Level\x12\'\n\x06timing\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x03 \x01(\t\x12&\n\x08snapshot\x18\x04 \x01(\x0b\x32\x14.pepeseg.v1.Snapshot\x1a\x62\n\x07Segment\x12\n\n\x02id\x18\x01 \x01(\x05\x12\x0e\n\x06parent\x18\x02 \x01(\x05\x12\x15\n\rnum_gaussians\x18\x03 \x01(\x03\x12$\n\x03\x62ox\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.BoundingBox\x1a\x8a\x01\n\x05Level\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x13\n\x0bscale_units\x18\x02 \x01(\x01\x12<\n\x08segments\x18\x03 \x03(\x0b\x32*.pepeseg.v1.DecomposeModelResponse.Segment\x12\x16\n\x0enum_unassigned\x18\x04 \x01(\x03\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.decomposition_pb2', globals())
 if _descriptor._USE_C_DESCRIPTORS == False:
 
   DESCRIPTOR._options = None
-  _SEGMENTREF._serialized_start=98
-  _SEGMENTREF._serialized_end=153
-  _DECOMPOSEMODELREQUEST._serialized_start=155
-  _DECOMPOSEMODELREQUEST._serialized_end=209
-  _DECOMPOSEMODELRESPONSE._serialized_start=212
-  _DECOMPOSEMODELRESPONSE._serialized_end=591
-  _DECOMPOSEMODELRESPONSE_SEGMENT._serialized_start=352
-  _DECOMPOSEMODELRESPONSE_SEGMENT._serialized_end=450
-  _DECOMPOSEMODELRESPONSE_LEVEL._serialized_start=453
-  _DECOMPOSEMODELRESPONSE_LEVEL._serialized_end=591
+  _SEGMENTREF._serialized_start=125
+  _SEGMENTREF._serialized_end=180
+  _DECOMPOSEMODELREQUEST._serialized_start=182
+  _DECOMPOSEMODELREQUEST._serialized_end=236
+  _DECOMPOSEMODELRESPONSE._serialized_start=239
+  _DECOMPOSEMODELRESPONSE._serialized_end=658
+  _DECOMPOSEMODELRESPONSE_SEGMENT._serialized_start=419
+  _DECOMPOSEMODELRESPONSE_SEGMENT._serialized_end=517
+  _DECOMPOSEMODELRESPONSE_LEVEL._serialized_start=520
+  _DECOMPOSEMODELRESPONSE_LEVEL._serialized_end=658
 # @@protoc_insertion_point(module_scope)

@@ -1,4 +1,5 @@
 from pepeseg.v1 import geometry_pb2 as _geometry_pb2
+from pepeseg.v1 import snapshot_pb2 as _snapshot_pb2
 from pepeseg.v1 import timing_pb2 as _timing_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
@@ -16,7 +17,7 @@ class DecomposeModelRequest(_message.Message):
     def __init__(self, model: _Optional[str] = ..., scales: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class DecomposeModelResponse(_message.Message):
-    __slots__ = ["levels", "model", "timing"]
+    __slots__ = ["levels", "model", "snapshot", "timing"]
     class Level(_message.Message):
         __slots__ = ["num_unassigned", "scale_quantile", "scale_units", "segments"]
         NUM_UNASSIGNED_FIELD_NUMBER: _ClassVar[int]
@@ -41,11 +42,13 @@ class DecomposeModelResponse(_message.Message):
         def __init__(self, id: _Optional[int] = ..., parent: _Optional[int] = ..., num_gaussians: _Optional[int] = ..., box: _Optional[_Union[_geometry_pb2.BoundingBox, _Mapping]] = ...) -> None: ...
     LEVELS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
+    SNAPSHOT_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
     levels: _containers.RepeatedCompositeFieldContainer[DecomposeModelResponse.Level]
     model: str
+    snapshot: _snapshot_pb2.Snapshot
     timing: _timing_pb2.QueryTiming
-    def __init__(self, levels: _Optional[_Iterable[_Union[DecomposeModelResponse.Level, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ...) -> None: ...
+    def __init__(self, levels: _Optional[_Iterable[_Union[DecomposeModelResponse.Level, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., snapshot: _Optional[_Union[_snapshot_pb2.Snapshot, _Mapping]] = ...) -> None: ...
 
 class SegmentRef(_message.Message):
     __slots__ = ["id", "level", "scales"]

@@ -2,6 +2,7 @@ from pepeseg.v1 import access_pb2 as _access_pb2
 from pepeseg.v1 import decomposition_pb2 as _decomposition_pb2
 from pepeseg.v1 import geometry_pb2 as _geometry_pb2
 from pepeseg.v1 import prompt_pb2 as _prompt_pb2
+from pepeseg.v1 import snapshot_pb2 as _snapshot_pb2
 from pepeseg.v1 import timing_pb2 as _timing_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
@@ -83,20 +84,22 @@ class RenderViewRequest(_message.Message):
     def __init__(self, model: _Optional[str] = ..., viewpoint: _Optional[_Union[_prompt_pb2.Viewpoint, _Mapping]] = ..., content: _Optional[_Union[RenderViewRequest.Content, str]] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., decomposition_scales: _Optional[_Iterable[float]] = ..., level: _Optional[int] = ..., feature_scale: _Optional[float] = ..., overlay_mask: _Optional[_Union[_prompt_pb2.MaskImage, _Mapping]] = ..., overlay_subset: _Optional[_Union[Subset, _Mapping]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., max_side: _Optional[int] = ...) -> None: ...
 
 class RenderViewResponse(_message.Message):
-    __slots__ = ["depth_unit", "height", "model", "png", "timing", "width"]
+    __slots__ = ["depth_unit", "height", "model", "png", "snapshot", "timing", "width"]
     DEPTH_UNIT_FIELD_NUMBER: _ClassVar[int]
     HEIGHT_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     PNG_FIELD_NUMBER: _ClassVar[int]
+    SNAPSHOT_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
     WIDTH_FIELD_NUMBER: _ClassVar[int]
     depth_unit: float
     height: int
     model: str
     png: bytes
+    snapshot: _snapshot_pb2.Snapshot
     timing: _timing_pb2.QueryTiming
     width: int
-    def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., png: _Optional[bytes] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., depth_unit: _Optional[float] = ...) -> None: ...
+    def __init__(self, width: _Optional[int] = ..., height: _Optional[int] = ..., png: _Optional[bytes] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., depth_unit: _Optional[float] = ..., snapshot: _Optional[_Union[_snapshot_pb2.Snapshot, _Mapping]] = ...) -> None: ...
 
 class Subset(_message.Message):
     __slots__ = ["complement", "segment", "selection"]

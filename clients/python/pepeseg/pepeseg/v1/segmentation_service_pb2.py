@@ -16,10 +16,11 @@ from pepeseg.v1 import decomposition_pb2 as pepeseg_dot_v1_dot_decomposition__pb
 from pepeseg.v1 import errors_pb2 as pepeseg_dot_v1_dot_errors__pb2
 from pepeseg.v1 import find_pb2 as pepeseg_dot_v1_dot_find__pb2
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
+from pepeseg.v1 import snapshot_pb2 as pepeseg_dot_v1_dot_snapshot__pb2
 from pepeseg.v1 import timing_pb2 as pepeseg_dot_v1_dot_timing__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n%pepeseg/v1/segmentation_service.proto\x12\npepeseg.v1\x1a\x17pepeseg/v1/access.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x17pepeseg/v1/errors.proto\x1a\x15pepeseg/v1/find.proto\x1a\x17pepeseg/v1/prompt.proto\x1a\x17pepeseg/v1/timing.proto\"\xbf\x04\n\x13SegmentViewsRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Prompt\x12,\n\x0bgranularity\x18\x03 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12\x38\n\x07targets\x18\x04 \x01(\x0b\x32\'.pepeseg.v1.SegmentViewsRequest.Targets\x12/\n\rmask_encoding\x18\x05 \x01(\x0e\x32\x18.pepeseg.v1.MaskEncoding\x12\x17\n\x0fwant_similarity\x18\x06 \x01(\x08\x12%\n\x05\x66rame\x18\x07 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x1b\n\x0erefine_borders\x18\x08 \x01(\x08H\x00\x88\x01\x01\x12\x18\n\x0bsam_borders\x18\t \x01(\x08H\x01\x88\x01\x01\x12\x17\n\nsam_clicks\x18\n \x01(\x08H\x02\x88\x01\x01\x1a\x99\x01\n\x07Targets\x12<\n\x05group\x18\x01 \x01(\x0e\x32-.pepeseg.v1.SegmentViewsRequest.Targets.Group\x12\r\n\x05views\x18\x02 \x03(\t\"A\n\x05Group\x12\x15\n\x11GROUP_UNSPECIFIED\x10\x00\x12\x12\n\x0eGROUP_HELD_OUT\x10\x01\x12\r\n\tGROUP_ALL\x10\x02\x42\x11\n\x0f_refine_bordersB\x0e\n\x0c_sam_bordersB\r\n\x0b_sam_clicks\"\x86\x06\n\x14SegmentViewsResponse\x12\x38\n\x05masks\x18\x01 \x03(\x0b\x32).pepeseg.v1.SegmentViewsResponse.ViewMask\x12\x16\n\x0escale_quantile\x18\x02 \x01(\x01\x12\x13\n\x0bscale_units\x18\x03 \x01(\x01\x12\x11\n\tthreshold\x18\x04 \x01(\x01\x12\'\n\x06timing\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x06 \x01(\t\x12\x1a\n\rbox_agreement\x18\x07 \x01(\x01H\x00\x88\x01\x01\x1a:\n\x03\x42ox\x12\t\n\x01x\x18\x01 \x01(\x05\x12\t\n\x01y\x18\x02 \x01(\x05\x12\r\n\x05width\x18\x03 \x01(\x05\x12\x0e\n\x06height\x18\x04 \x01(\x05\x1a>\n\rSimilarityMap\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x0e\n\x06values\x18\x03 \x01(\x0c\x1a\xab\x02\n\x08ViewMask\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\"\n\x03rle\x18\x02 \x01(\x0b\x32\x13.pepeseg.v1.CocoRleH\x00\x12\r\n\x03png\x18\x03 \x01(\x0cH\x00\x12\r\n\x05score\x18\x04 \x01(\x01\x12\x31\n\x03\x62ox\x18\x05 \x01(\x0b\x32$.pepeseg.v1.SegmentViewsResponse.Box\x12\x0c\n\x04\x61rea\x18\x06 \x01(\x03\x12\x42\n\nsimilarity\x18\x07 \x01(\x0b\x32..pepeseg.v1.SegmentViewsResponse.SimilarityMap\x12\x42\n\x0c\x62order_image\x18\x08 \x01(\x0e\x32,.pepeseg.v1.SegmentViewsResponse.BorderImageB\x06\n\x04mask\"d\n\x0b\x42orderImage\x12\x1c\n\x18\x42ORDER_IMAGE_UNSPECIFIED\x10\x00\x12\x1b\n\x17\x42ORDER_IMAGE_PHOTOGRAPH\x10\x01\x12\x1a\n\x16\x42ORDER_IMAGE_RENDERING\x10\x02\x42\x10\n\x0e_box_agreement\"\xe8\x01\n\x14ProposeScalesRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Prompt\x12\x15\n\rmax_proposals\x18\x03 \x01(\x05\x12/\n\rmask_encoding\x18\x04 \x01(\x0e\x32\x18.pepeseg.v1.MaskEncoding\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x1b\n\x0erefine_borders\x18\x06 \x01(\x08H\x00\x88\x01\x01\x42\x11\n\x0f_refine_borders\"\xca\x03\n\x15ProposeScalesResponse\x12=\n\tproposals\x18\x01 \x03(\x0b\x32*.pepeseg.v1.ProposeScalesResponse.Proposal\x12\'\n\x06timing\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x03 \x01(\t\x12\x0c\n\x04\x62\x65st\x18\x04 \x01(\x05\x1a\xdd\x01\n\x08Proposal\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x11\n\tthreshold\x18\x02 \x01(\x01\x12\x13\n\x0bscale_units\x18\x03 \x01(\x01\x12\x0f\n\x07support\x18\x04 \x01(\x01\x12\x11\n\tstability\x18\x05 \x01(\x01\x12\x37\n\x04mask\x18\x06 \x01(\x0b\x32).pepeseg.v1.SegmentViewsResponse.ViewMask\x12\x34\n\x04kind\x18\x07 \x01(\x0e\x32&.pepeseg.v1.ProposeScalesResponse.Kind\"L\n\x04Kind\x12\x14\n\x10KIND_UNSPECIFIED\x10\x00\x12\r\n\tKIND_PART\x10\x01\x12\x0f\n\x0bKIND_OBJECT\x10\x02\x12\x0e\n\nKIND_GROUP\x10\x03\"[\n\x15StreamSegmentsRequest\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12\x30\n\x07segment\x18\x02 \x01(\x0b\x32\x1f.pepeseg.v1.SegmentViewsRequest\"\x8e\x01\n\x16StreamSegmentsResponse\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12\x33\n\x07segment\x18\x02 \x01(\x0b\x32 .pepeseg.v1.SegmentViewsResponseH\x00\x12\"\n\x05\x65rror\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.ErrorH\x00\x42\t\n\x07outcome\"\x96\x02\n\x15\x43orrectSegmentRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x41\n\x0b\x63orrections\x18\x02 \x03(\x0b\x32,.pepeseg.v1.CorrectSegmentRequest.Correction\x12,\n\x0bgranularity\x18\x03 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12%\n\x05\x66rame\x18\x04 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x1aV\n\nCorrection\x12#\n\x04view\x18\x01 \x01(\x0b\x32\x15.pepeseg.v1.Viewpoint\x12#\n\x04mask\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\"\xb5\x02\n\x16\x43orrectSegmentResponse\x12\r\n\x05model\x18\x01 \x01(\t\x12\x16\n\x0e\x63orrected_from\x18\x02 \x01(\t\x12\x38\n\x06scores\x18\x03 \x03(\x0b\x32(.pepeseg.v1.CorrectSegmentResponse.Score\x12\x16\n\x0escale_quantile\x18\x04 \x01(\x01\x12\x13\n\x0bscale_units\x18\x05 \x01(\x01\x12\x11\n\tthreshold\x18\x06 \x01(\x01\x12\x13\n\x0bnum_changed\x18\x07 \x01(\x03\x12\'\n\x06timing\x18\x08 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x1a<\n\x05Score\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x12\n\niou_before\x18\x02 \x01(\x01\x12\x11\n\tiou_after\x18\x03 \x01(\x01\x32\xcd\x05\n\x13SegmentationService\x12p\n\x0cSegmentViews\x12\x1f.pepeseg.v1.SegmentViewsRequest\x1a .pepeseg.v1.SegmentViewsResponse\"\x1d\x8a\xe2\x18\x19\x08\x01\x12\x05model\x12\x0cprompt.label\x18\x03\x12\x8a\x01\n\x0eStreamSegments\x12!.pepeseg.v1.StreamSegmentsRequest\x1a\".pepeseg.v1.StreamSegmentsResponse\"-\x8a\xe2\x18)\x08\x01\x12\rsegment.model\x12\x14segment.prompt.label\x18\x03(\x01\x30\x01\x12s\n\rProposeScales\x12 .pepeseg.v1.ProposeScalesRequest\x1a!.pepeseg.v1.ProposeScalesResponse\"\x1d\x8a\xe2\x18\x19\x08\x01\x12\x05model\x12\x0cprompt.label\x18\x03\x12h\n\x0e\x44\x65\x63omposeModel\x12!.pepeseg.v1.DecomposeModelRequest\x1a\".pepeseg.v1.DecomposeModelResponse\"\x0f\x8a\xe2\x18\x0b\x08\x01\x12\x05model\x18\x04\x12n\n\x0c\x46indSegments\x12\x1f.pepeseg.v1.FindSegmentsRequest\x1a .pepeseg.v1.FindSegmentsResponse\"\x1b\x8a\xe2\x18\x17\x08\x01\x12\x05model\x12\nlike.label\x18\x07\x12h\n\x0e\x43orrectSegment\x12!.pepeseg.v1.CorrectSegmentRequest\x1a\".pepeseg.v1.CorrectSegmentResponse\"\x0f\x8a\xe2\x18\x0b\x08\x02\x12\x05model\x18\x06\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n%pepeseg/v1/segmentation_service.proto\x12\npepeseg.v1\x1a\x17pepeseg/v1/access.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x17pepeseg/v1/errors.proto\x1a\x15pepeseg/v1/find.proto\x1a\x17pepeseg/v1/prompt.proto\x1a\x19pepeseg/v1/snapshot.proto\x1a\x17pepeseg/v1/timing.proto\"\xbf\x04\n\x13SegmentViewsRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Prompt\x12,\n\x0bgranularity\x18\x03 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12\x38\n\x07targets\x18\x04 \x01(\x0b\x32\'.pepeseg.v1.SegmentViewsRequest.Targets\x12/\n\rmask_encoding\x18\x05 \x01(\x0e\x32\x18.pepeseg.v1.MaskEncoding\x12\x17\n\x0fwant_similarity\x18\x06 \x01(\x08\x12%\n\x05\x66rame\x18\x07 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x1b\n\x0erefine_borders\x18\x08 \x01(\x08H\x00\x88\x01\x01\x12\x18\n\x0bsam_borders\x18\t \x01(\x08H\x01\x88\x01\x01\x12\x17\n\nsam_clicks\x18\n \x01(\x08H\x02\x88\x01\x01\x1a\x99\x01\n\x07Targets\x12<\n\x05group\x18\x01 \x01(\x0e\x32-.pepeseg.v1.SegmentViewsRequest.Targets.Group\x12\r\n\x05views\x18\x02 \x03(\t\"A\n\x05Group\x12\x15\n\x11GROUP_UNSPECIFIED\x10\x00\x12\x12\n\x0eGROUP_HELD_OUT\x10\x01\x12\r\n\tGROUP_ALL\x10\x02\x42\x11\n\x0f_refine_bordersB\x0e\n\x0c_sam_bordersB\r\n\x0b_sam_clicks\"\xae\x06\n\x14SegmentViewsResponse\x12\x38\n\x05masks\x18\x01 \x03(\x0b\x32).pepeseg.v1.SegmentViewsResponse.ViewMask\x12\x16\n\x0escale_quantile\x18\x02 \x01(\x01\x12\x13\n\x0bscale_units\x18\x03 \x01(\x01\x12\x11\n\tthreshold\x18\x04 \x01(\x01\x12\'\n\x06timing\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x06 \x01(\t\x12\x1a\n\rbox_agreement\x18\x07 \x01(\x01H\x00\x88\x01\x01\x12&\n\x08snapshot\x18\x08 \x01(\x0b\x32\x14.pepeseg.v1.Snapshot\x1a:\n\x03\x42ox\x12\t\n\x01x\x18\x01 \x01(\x05\x12\t\n\x01y\x18\x02 \x01(\x05\x12\r\n\x05width\x18\x03 \x01(\x05\x12\x0e\n\x06height\x18\x04 \x01(\x05\x1a>\n\rSimilarityMap\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x0e\n\x06values\x18\x03 \x01(\x0c\x1a\xab\x02\n\x08ViewMask\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\"\n\x03rle\x18\x02 \x01(\x0b\x32\x13.pepeseg.v1.CocoRleH\x00\x12\r\n\x03png\x18\x03 \x01(\x0cH\x00\x12\r\n\x05score\x18\x04 \x01(\x01\x12\x31\n\x03\x62ox\x18\x05 \x01(\x0b\x32$.pepeseg.v1.SegmentViewsResponse.Box\x12\x0c\n\x04\x61rea\x18\x06 \x01(\x03\x12\x42\n\nsimilarity\x18\x07 \x01(\x0b\x32..pepeseg.v1.SegmentViewsResponse.SimilarityMap\x12\x42\n\x0c\x62order_image\x18\x08 \x01(\x0e\x32,.pepeseg.v1.SegmentViewsResponse.BorderImageB\x06\n\x04mask\"d\n\x0b\x42orderImage\x12\x1c\n\x18\x42ORDER_IMAGE_UNSPECIFIED\x10\x00\x12\x1b\n\x17\x42ORDER_IMAGE_PHOTOGRAPH\x10\x01\x12\x1a\n\x16\x42ORDER_IMAGE_RENDERING\x10\x02\x42\x10\n\x0e_box_agreement\"\xe8\x01\n\x14ProposeScalesRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Prompt\x12\x15\n\rmax_proposals\x18\x03 \x01(\x05\x12/\n\rmask_encoding\x18\x04 \x01(\x0e\x32\x18.pepeseg.v1.MaskEncoding\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x1b\n\x0erefine_borders\x18\x06 \x01(\x08H\x00\x88\x01\x01\x42\x11\n\x0f_refine_borders\"\xf2\x03\n\x15ProposeScalesResponse\x12=\n\tproposals\x18\x01 \x03(\x0b\x32*.pepeseg.v1.ProposeScalesResponse.Proposal\x12\'\n\x06timing\x18\x02 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x03 \x01(\t\x12\x0c\n\x04\x62\x65st\x18\x04 \x01(\x05\x12&\n\x08snapshot\x18\x05 \x01(\x0b\x32\x14.pepeseg.v1.Snapshot\x1a\xdd\x01\n\x08Proposal\x12\x16\n\x0escale_quantile\x18\x01 \x01(\x01\x12\x11\n\tthreshold\x18\x02 \x01(\x01\x12\x13\n\x0bscale_units\x18\x03 \x01(\x01\x12\x0f\n\x07support\x18\x04 \x01(\x01\x12\x11\n\tstability\x18\x05 \x01(\x01\x12\x37\n\x04mask\x18\x06 \x01(\x0b\x32).pepeseg.v1.SegmentViewsResponse.ViewMask\x12\x34\n\x04kind\x18\x07 \x01(\x0e\x32&.pepeseg.v1.ProposeScalesResponse.Kind\"L\n\x04Kind\x12\x14\n\x10KIND_UNSPECIFIED\x10\x00\x12\r\n\tKIND_PART\x10\x01\x12\x0f\n\x0bKIND_OBJECT\x10\x02\x12\x0e\n\nKIND_GROUP\x10\x03\"[\n\x15StreamSegmentsRequest\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12\x30\n\x07segment\x18\x02 \x01(\x0b\x32\x1f.pepeseg.v1.SegmentViewsRequest\"\x8e\x01\n\x16StreamSegmentsResponse\x12\x10\n\x08sequence\x18\x01 \x01(\x03\x12\x33\n\x07segment\x18\x02 \x01(\x0b\x32 .pepeseg.v1.SegmentViewsResponseH\x00\x12\"\n\x05\x65rror\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.ErrorH\x00\x42\t\n\x07outcome\"\x96\x02\n\x15\x43orrectSegmentRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\x41\n\x0b\x63orrections\x18\x02 \x03(\x0b\x32,.pepeseg.v1.CorrectSegmentRequest.Correction\x12,\n\x0bgranularity\x18\x03 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12%\n\x05\x66rame\x18\x04 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x1aV\n\nCorrection\x12#\n\x04view\x18\x01 \x01(\x0b\x32\x15.pepeseg.v1.Viewpoint\x12#\n\x04mask\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\"\xb5\x02\n\x16\x43orrectSegmentResponse\x12\r\n\x05model\x18\x01 \x01(\t\x12\x16\n\x0e\x63orrected_from\x18\x02 \x01(\t\x12\x38\n\x06scores\x18\x03 \x03(\x0b\x32(.pepeseg.v1.CorrectSegmentResponse.Score\x12\x16\n\x0escale_quantile\x18\x04 \x01(\x01\x12\x13\n\x0bscale_units\x18\x05 \x01(\x01\x12\x11\n\tthreshold\x18\x06 \x01(\x01\x12\x13\n\x0bnum_changed\x18\x07 \x01(\x03\x12\'\n\x06timing\x18\x08 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x1a<\n\x05Score\x12\x0c\n\x04view\x18\x01 \x01(\t\x12\x12\n\niou_before\x18\x02 \x01(\x01\x12\x11\n\tiou_after\x18\x03 \x01(\x01\x32\xcd\x05\n\x13SegmentationService\x12p\n\x0cSegmentViews\x12\x1f.pepeseg.v1.SegmentViewsRequest\x1a .pepeseg.v1.SegmentViewsResponse\"\x1d\x8a\xe2\x18\x19\x08\x01\x12\x05model\x12\x0cprompt.label\x18\x03\x12\x8a\x01\n\x0eStreamSegments\x12!.pepeseg.v1.StreamSegmentsRequest\x1a\".pepeseg.v1.StreamSegmentsResponse\"-\x8a\xe2\x18)\x08\x01\x12\rsegment.model\x12\x14segment.prompt.label\x18\x03(\x01\x30\x01\x12s\n\rProposeScales\x12 .pepeseg.v1.ProposeScalesRequest\x1a!.pepeseg.v1.ProposeScalesResponse\"\x1d\x8a\xe2\x18\x19\x08\x01\x12\x05model\x12\x0cprompt.label\x18\x03\x12h\n\x0e\x44\x65\x63omposeModel\x12!.pepeseg.v1.DecomposeModelRequest\x1a\".pepeseg.v1.DecomposeModelResponse\"\x0f\x8a\xe2\x18\x0b\x08\x01\x12\x05model\x18\x04\x12n\n\x0c\x46indSegments\x12\x1f.pepeseg.v1.FindSegmentsRequest\x1a .pepeseg.v1.FindSegmentsResponse\"\x1b\x8a\xe2\x18\x17\x08\x01\x12\x05model\x12\nlike.label\x18\x07\x12h\n\x0e\x43orrectSegment\x12!.pepeseg.v1.CorrectSegmentRequest\x1a\".pepeseg.v1.CorrectSegmentResponse\"\x0f\x8a\xe2\x18\x0b\x08\x02\x12\x05model\x18\x06\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.segmentation_service_pb2', globals())
@@ -38,42 +39,42 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _SEGMENTATIONSERVICE.methods_by_name['FindSegments']._serialized_options = b'\212\342\030\027\010\001\022\005model\022\nlike.label\030\007'
   _SEGMENTATIONSERVICE.methods_by_name['CorrectSegment']._options = None
   _SEGMENTATIONSERVICE.methods_by_name['CorrectSegment']._serialized_options = b'\212\342\030\013\010\002\022\005model\030\006'
-  _SEGMENTVIEWSREQUEST._serialized_start=209
-  _SEGMENTVIEWSREQUEST._serialized_end=784
-  _SEGMENTVIEWSREQUEST_TARGETS._serialized_start=581
-  _SEGMENTVIEWSREQUEST_TARGETS._serialized_end=734
-  _SEGMENTVIEWSREQUEST_TARGETS_GROUP._serialized_start=669
-  _SEGMENTVIEWSREQUEST_TARGETS_GROUP._serialized_end=734
-  _SEGMENTVIEWSRESPONSE._serialized_start=787
-  _SEGMENTVIEWSRESPONSE._serialized_end=1561
-  _SEGMENTVIEWSRESPONSE_BOX._serialized_start=1017
-  _SEGMENTVIEWSRESPONSE_BOX._serialized_end=1075
-  _SEGMENTVIEWSRESPONSE_SIMILARITYMAP._serialized_start=1077
-  _SEGMENTVIEWSRESPONSE_SIMILARITYMAP._serialized_end=1139
-  _SEGMENTVIEWSRESPONSE_VIEWMASK._serialized_start=1142
-  _SEGMENTVIEWSRESPONSE_VIEWMASK._serialized_end=1441
-  _SEGMENTVIEWSRESPONSE_BORDERIMAGE._serialized_start=1443
-  _SEGMENTVIEWSRESPONSE_BORDERIMAGE._serialized_end=1543
-  _PROPOSESCALESREQUEST._serialized_start=1564
-  _PROPOSESCALESREQUEST._serialized_end=1796
-  _PROPOSESCALESRESPONSE._serialized_start=1799
-  _PROPOSESCALESRESPONSE._serialized_end=2257
-  _PROPOSESCALESRESPONSE_PROPOSAL._serialized_start=1958
-  _PROPOSESCALESRESPONSE_PROPOSAL._serialized_end=2179
-  _PROPOSESCALESRESPONSE_KIND._serialized_start=2181
-  _PROPOSESCALESRESPONSE_KIND._serialized_end=2257
-  _STREAMSEGMENTSREQUEST._serialized_start=2259
-  _STREAMSEGMENTSREQUEST._serialized_end=2350
-  _STREAMSEGMENTSRESPONSE._serialized_start=2353
-  _STREAMSEGMENTSRESPONSE._serialized_end=2495
-  _CORRECTSEGMENTREQUEST._serialized_start=2498
-  _CORRECTSEGMENTREQUEST._serialized_end=2776
-  _CORRECTSEGMENTREQUEST_CORRECTION._serialized_start=2690
-  _CORRECTSEGMENTREQUEST_CORRECTION._serialized_end=2776
-  _CORRECTSEGMENTRESPONSE._serialized_start=2779
-  _CORRECTSEGMENTRESPONSE._serialized_end=3088
-  _CORRECTSEGMENTRESPONSE_SCORE._serialized_start=3028
-  _CORRECTSEGMENTRESPONSE_SCORE._serialized_end=3088
-  _SEGMENTATIONSERVICE._serialized_start=3091
-  _SEGMENTATIONSERVICE._serialized_end=3808
+  _SEGMENTVIEWSREQUEST._serialized_start=236
+  _SEGMENTVIEWSREQUEST._serialized_end=811
+  _SEGMENTVIEWSREQUEST_TARGETS._serialized_start=608
+  _SEGMENTVIEWSREQUEST_TARGETS._serialized_end=761
+  _SEGMENTVIEWSREQUEST_TARGETS_GROUP._serialized_start=696
+  _SEGMENTVIEWSREQUEST_TARGETS_GROUP._serialized_end=761
+  _SEGMENTVIEWSRESPONSE._serialized_start=814
+  _SEGMENTVIEWSRESPONSE._serialized_end=1628
+  _SEGMENTVIEWSRESPONSE_BOX._serialized_start=1084
+  _SEGMENTVIEWSRESPONSE_BOX._serialized_end=1142
+  _SEGMENTVIEWSRESPONSE_SIMILARITYMAP._serialized_start=1144
+  _SEGMENTVIEWSRESPONSE_SIMILARITYMAP._serialized_end=1206
+  _SEGMENTVIEWSRESPONSE_VIEWMASK._serialized_start=1209
+  _SEGMENTVIEWSRESPONSE_VIEWMASK._serialized_end=1508
+  _SEGMENTVIEWSRESPONSE_BORDERIMAGE._serialized_start=1510
+  _SEGMENTVIEWSRESPONSE_BORDERIMAGE._serialized_end=1610
+  _PROPOSESCALESREQUEST._serialized_start=1631
+  _PROPOSESCALESREQUEST._serialized_end=1863
+  _PROPOSESCALESRESPONSE._serialized_start=1866
+  _PROPOSESCALESRESPONSE._serialized_end=2364
+  _PROPOSESCALESRESPONSE_PROPOSAL._serialized_start=2065
+  _PROPOSESCALESRESPONSE_PROPOSAL._serialized_end=2286
+  _PROPOSESCALESRESPONSE_KIND._serialized_start=2288
+  _PROPOSESCALESRESPONSE_KIND._serialized_end=2364
+  _STREAMSEGMENTSREQUEST._serialized_start=2366
+  _STREAMSEGMENTSREQUEST._serialized_end=2457
+  _STREAMSEGMENTSRESPONSE._serialized_start=2460
+  _STREAMSEGMENTSRESPONSE._serialized_end=2602
+  _CORRECTSEGMENTREQUEST._serialized_start=2605
+  _CORRECTSEGMENTREQUEST._serialized_end=2883
+  _CORRECTSEGMENTREQUEST_CORRECTION._serialized_start=2797
+  _CORRECTSEGMENTREQUEST_CORRECTION._serialized_end=2883
+  _CORRECTSEGMENTRESPONSE._serialized_start=2886
+  _CORRECTSEGMENTRESPONSE._serialized_end=3195
+  _CORRECTSEGMENTRESPONSE_SCORE._serialized_start=3135
+  _CORRECTSEGMENTRESPONSE_SCORE._serialized_end=3195
+  _SEGMENTATIONSERVICE._serialized_start=3198
+  _SEGMENTATIONSERVICE._serialized_end=3915
 # @@protoc_insertion_point(module_scope)

@@ -3,6 +3,7 @@ from pepeseg.v1 import decomposition_pb2 as _decomposition_pb2
 from pepeseg.v1 import errors_pb2 as _errors_pb2
 from pepeseg.v1 import find_pb2 as _find_pb2
 from pepeseg.v1 import prompt_pb2 as _prompt_pb2
+from pepeseg.v1 import snapshot_pb2 as _snapshot_pb2
 from pepeseg.v1 import timing_pb2 as _timing_pb2
 from google.protobuf.internal import containers as _containers
 from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
@@ -77,7 +78,7 @@ class ProposeScalesRequest(_message.Message):
     def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., max_proposals: _Optional[int] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., refine_borders: bool = ...) -> None: ...
 
 class ProposeScalesResponse(_message.Message):
-    __slots__ = ["best", "model", "proposals", "timing"]
+    __slots__ = ["best", "model", "proposals", "snapshot", "timing"]
     class Kind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = []
     class Proposal(_message.Message):
@@ -104,12 +105,14 @@ class ProposeScalesResponse(_message.Message):
     KIND_UNSPECIFIED: ProposeScalesResponse.Kind
     MODEL_FIELD_NUMBER: _ClassVar[int]
     PROPOSALS_FIELD_NUMBER: _ClassVar[int]
+    SNAPSHOT_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
     best: int
     model: str
     proposals: _containers.RepeatedCompositeFieldContainer[ProposeScalesResponse.Proposal]
+    snapshot: _snapshot_pb2.Snapshot
     timing: _timing_pb2.QueryTiming
-    def __init__(self, proposals: _Optional[_Iterable[_Union[ProposeScalesResponse.Proposal, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., best: _Optional[int] = ...) -> None: ...
+    def __init__(self, proposals: _Optional[_Iterable[_Union[ProposeScalesResponse.Proposal, _Mapping]]] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., best: _Optional[int] = ..., snapshot: _Optional[_Union[_snapshot_pb2.Snapshot, _Mapping]] = ...) -> None: ...
 
 class SegmentViewsRequest(_message.Message):
     __slots__ = ["frame", "granularity", "mask_encoding", "model", "prompt", "refine_borders", "sam_borders", "sam_clicks", "targets", "want_similarity"]
@@ -148,7 +151,7 @@ class SegmentViewsRequest(_message.Message):
     def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., targets: _Optional[_Union[SegmentViewsRequest.Targets, _Mapping]] = ..., mask_encoding: _Optional[_Union[_prompt_pb2.MaskEncoding, str]] = ..., want_similarity: bool = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., refine_borders: bool = ..., sam_borders: bool = ..., sam_clicks: bool = ...) -> None: ...
 
 class SegmentViewsResponse(_message.Message):
-    __slots__ = ["box_agreement", "masks", "model", "scale_quantile", "scale_units", "threshold", "timing"]
+    __slots__ = ["box_agreement", "masks", "model", "scale_quantile", "scale_units", "snapshot", "threshold", "timing"]
     class BorderImage(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = []
     class Box(_message.Message):
@@ -198,6 +201,7 @@ class SegmentViewsResponse(_message.Message):
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SCALE_QUANTILE_FIELD_NUMBER: _ClassVar[int]
     SCALE_UNITS_FIELD_NUMBER: _ClassVar[int]
+    SNAPSHOT_FIELD_NUMBER: _ClassVar[int]
     THRESHOLD_FIELD_NUMBER: _ClassVar[int]
     TIMING_FIELD_NUMBER: _ClassVar[int]
     box_agreement: float
@@ -205,9 +209,10 @@ class SegmentViewsResponse(_message.Message):
     model: str
     scale_quantile: float
     scale_units: float
+    snapshot: _snapshot_pb2.Snapshot
     threshold: float
     timing: _timing_pb2.QueryTiming
-    def __init__(self, masks: _Optional[_Iterable[_Union[SegmentViewsResponse.ViewMask, _Mapping]]] = ..., scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., threshold: _Optional[float] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., box_agreement: _Optional[float] = ...) -> None: ...
+    def __init__(self, masks: _Optional[_Iterable[_Union[SegmentViewsResponse.ViewMask, _Mapping]]] = ..., scale_quantile: _Optional[float] = ..., scale_units: _Optional[float] = ..., threshold: _Optional[float] = ..., timing: _Optional[_Union[_timing_pb2.QueryTiming, _Mapping]] = ..., model: _Optional[str] = ..., box_agreement: _Optional[float] = ..., snapshot: _Optional[_Union[_snapshot_pb2.Snapshot, _Mapping]] = ...) -> None: ...
 
 class StreamSegmentsRequest(_message.Message):
     __slots__ = ["segment", "sequence"]

@@ -9,8 +9,8 @@ from pepeseg.v1 import segmentation_service_pb2 as pepeseg_dot_v1_dot_segmentati
 
 class SegmentationServiceStub(object):
     """Segments models. In requests `model` is the name of a model, or
-    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
-    loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
+    "scenes/{scene}/models/live" with the errors described at Model.name, or of a job: see Snapshot. The
+    first query of a model loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
     """
@@ -55,8 +55,8 @@ class SegmentationServiceStub(object):
 
 class SegmentationServiceServicer(object):
     """Segments models. In requests `model` is the name of a model, or
-    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
-    loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
+    "scenes/{scene}/models/live" with the errors described at Model.name, or of a job: see Snapshot. The
+    first query of a model loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
     """
@@ -164,8 +164,8 @@ def add_SegmentationServiceServicer_to_server(servicer, server):
  # This class is part of an EXPERIMENTAL API.
 class SegmentationService(object):
     """Segments models. In requests `model` is the name of a model, or
-    "scenes/{scene}/models/live" with the errors described at Model.name. The first query of a model
-    loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
+    "scenes/{scene}/models/live" with the errors described at Model.name, or of a job: see Snapshot. The
+    first query of a model loads it. RESOURCE_EXHAUSTED: the model does not fit in memory (value: bytes needed, limit: bytes
     available), or the response would exceed 4 MiB (request fewer views). Deadlines are checked
     between views.
     """

@@ -1,0 +1,25 @@
+#include "core/train/snapshots.h"
+
+#include <limits>
+
+#include "core/base/status_macros.h"
+
+namespace pepeseg {
+
+Snapshots::Snapshots(FeatureTrainer& trainer, TrainingObserver& observer)
+    : trainer_(trainer),
+      observer_(observer),
+      schedule_(observer.FirstSnapshotSeconds().value_or(std::numeric_limits<double>::infinity()),
+                kMaxSnapshotCost) {}
+
+absl::Status Snapshots::TakeIfDue(const StepReport& report) {
+  // Where steps are queued, a report may be of a step before the trainer's last one.
+  if (report.step != trainer_.step() || trainer_.done()) return absl::OkStatus();
+  const double start = Seconds();
+  if (!schedule_.Due(start)) return absl::OkStatus();
+  RETURN_IF_ERROR(observer_.KeepSnapshot({report.step, report.num_steps, trainer_.Result()}));
+  schedule_.Record(start, Seconds());
+  return absl::OkStatus();
+}
+
+}  // namespace pepeseg
