@@ -106,8 +106,10 @@ absl::Status TakeAcceptedMask(const Client& client, const v1::SegmentViewsReques
       granularity.scale_case() != v1::Granularity::SCALE_NOT_SET) {
     return absl::OkStatus();
   }
-  const std::string name =
-      absl::StrCat(SceneOf(request.model()), "/labels/", LabelIdOf(request.prompt().label()));
+  std::string scene = SceneOf(request.model());
+  if (scene.empty()) scene = SceneOf(answer.model());  // a job was named
+  if (scene.empty()) return absl::OkStatus();
+  const std::string name = absl::StrCat(scene, "/labels/", LabelIdOf(request.prompt().label()));
   ASSIGN_OR_RETURN(const v1::Label label, client.GetLabel(name, request.frame()));
   for (v1::SegmentViewsResponse::ViewMask& found : *answer.mutable_masks()) {
     if (found.view() != label.view()) continue;

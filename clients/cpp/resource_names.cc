@@ -26,7 +26,9 @@ std::string ModelName(const std::string& scene, const std::string& model) {
 std::string SceneOf(const std::string& resource) {
   // The name may begin with "projects/lab/", so look for the '/' after the id of the scene.
   const std::string scenes = "scenes/";
-  return resource.substr(0, resource.find('/', resource.find(scenes) + scenes.size()));
+  const size_t begin = resource.find(scenes);
+  if (begin == std::string::npos) return "";
+  return resource.substr(0, resource.find('/', begin + scenes.size()));
 }
 
 std::string NewRequestId() {

@@ -15,7 +15,8 @@ std::string JobName(const std::string& job);
 // of a model's, is returned as it is.
 std::string ModelName(const std::string& scene, const std::string& model = "live");
 
-// Returns the scene that a resource belongs to: "scenes/shelf" for "scenes/shelf/models/3".
+// Returns the scene that a resource belongs to: "scenes/shelf" for "scenes/shelf/models/3". Empty:
+// the name has none, as that of a job.
 std::string SceneOf(const std::string& resource);
 
 // Returns a random request_id of 32 hex digits, by which the server recognises a call that is

@@ -17,7 +17,7 @@ namespace {
 // Returns the id of a scene: "shelf" for "scenes/shelf/models/live"; "" for another resource.
 std::string SceneId(const std::string& resource) {
   const std::string name = SceneOf(resource);
-  return absl::StrContains(name, "scenes/") ? name.substr(name.rfind('/') + 1) : "";
+  return name.empty() ? "" : name.substr(name.rfind('/') + 1);
 }
 
 // Returns a name that the error quotes as that of a view; "" if it is about something else.

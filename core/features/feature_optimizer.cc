@@ -260,6 +260,11 @@ absl::Status FeatureOptimizer::Restore(const FeatureRowsState& rows, const Centr
   // The corrections are not saved: they follow from the options and LeaveOut.
   step_ = step;
   smooths_ = Smooths(options_, step);
+  Upload(rows);
+  return centroids_.Restore(centroids);
+}
+
+void FeatureOptimizer::Upload(const FeatureRowsState& rows) {
   features_.Upload(rows.features);
   moment1_.Upload(rows.moment1);
   moment2_.Upload(rows.moment2);
@@ -267,7 +272,6 @@ absl::Status FeatureOptimizer::Restore(const FeatureRowsState& rows, const Centr
   gate_.Upload(rows.gate);
   gate_moment1_.Upload(rows.gate_moment1);
   gate_moment2_.Upload(rows.gate_moment2);
-  return centroids_.Restore(centroids);
 }
 
 void FeatureOptimizer::SmoothAll(DeviceSpan<const float> features, uint32_t drawn) {
@@ -317,6 +321,14 @@ void FeatureOptimizer::Export(FeatureField& field) {
   }
   field.gate.resize(static_cast<size_t>(gate_.size()));
   gate_.Download(std::span<float>(field.gate));
+}
+
+// The copy is on the host, because the estimate of the device's memory has no room for a second
+// one.
+void FeatureOptimizer::ExportUnchanged(FeatureField& field) {
+  const FeatureRowsState rows = Save();
+  Export(field);
+  Upload(rows);
 }
 
 }  // namespace pepeseg

@@ -78,6 +78,9 @@ class FeatureOptimizer {
   // over all neighbours. A Gaussian of which no neighbour was ever touched gets the feature 0,
   // which is similar to nothing.
   void Export(FeatureField& field);
+  // Does the same and leaves the state as it is: features that are brought up to date in between
+  // get other last bits than those that are not.
+  void ExportUnchanged(FeatureField& field);
 
  private:
   // Returns the kind of a step, in [0, 2^(1 + number of terms)). Steps of one kind run the same
@@ -86,6 +89,7 @@ class FeatureOptimizer {
   void QueueOps(const RowChunk::Step& step);
   // Sets the size of the batch's buffers. The gradients of unlabelled pixels become 0.
   void ReserveBatch(const RowChunk::Step& step);
+  void Upload(const FeatureRowsState& rows);
   // Smooths all features over the drawn neighbours into smoothed_.
   void SmoothAll(DeviceSpan<const float> features, uint32_t drawn);
   // Returns all features, up to date; 0 where no sample has touched the Gaussian yet.

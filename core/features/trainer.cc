@@ -174,4 +174,11 @@ FeatureField FeatureTrainer::Result() {
   return field;
 }
 
+FeatureField FeatureTrainer::Snapshot() {
+  FeatureField field = prepared_.field;
+  optimizer_.ExportUnchanged(field);
+  TrustZeroFeatures(field);
+  return field;
+}
+
 }  // namespace pepeseg

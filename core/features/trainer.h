@@ -51,8 +51,10 @@ class FeatureTrainer {
   absl::StatusOr<StepReports> Step();
   // Returns the state after the steps done. INTERNAL: the device failed.
   absl::StatusOr<FeatureCheckpoint> Save();
-  // Returns the field after the steps done. The training can continue.
+  // Returns the field after the steps done. The training can continue, with other last bits.
   FeatureField Result();
+  // Returns the same, and changes nothing of the training.
+  FeatureField Snapshot();
 
  private:
   // initial: see InitialFeatures.

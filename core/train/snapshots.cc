@@ -17,7 +17,7 @@ absl::Status Snapshots::TakeIfDue(const StepReport& report) {
   if (report.step != trainer_.step() || trainer_.done()) return absl::OkStatus();
   const double start = Seconds();
   if (!schedule_.Due(start)) return absl::OkStatus();
-  RETURN_IF_ERROR(observer_.KeepSnapshot({report.step, report.num_steps, trainer_.Result()}));
+  RETURN_IF_ERROR(observer_.KeepSnapshot({report.step, report.num_steps, trainer_.Snapshot()}));
   schedule_.Record(start, Seconds());
   return absl::OkStatus();
 }

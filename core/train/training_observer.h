@@ -86,7 +86,7 @@ class TrainingObserver {
   // seconds; further ones follow as PreviewSchedule says. Absent: none. The Gaussians are then
   // below the run's folder as a model, in kReconstructFolder or kGivenFolder.
   virtual std::optional<double> FirstSnapshotSeconds() const { return std::nullopt; }
-  virtual absl::Status KeepSnapshot(const FieldSnapshot&) { return absl::OkStatus(); }
+  virtual absl::Status KeepSnapshot(FieldSnapshot) { return absl::OkStatus(); }
   virtual absl::Status EndStage(const StageEnd&) { return absl::OkStatus(); }
 
   // Receive a sentence for the owner of the training, or for the operator of the machine.

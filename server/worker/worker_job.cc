@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <filesystem>
+#include <future>
 #include <optional>
 #include <set>
 #include <string>
@@ -44,7 +45,7 @@ class JobObserver final : public TrainingObserver {
   bool WantsPreviews() const override { return true; }
   absl::Status ShowPreview(const Preview& preview) override;
   std::optional<double> FirstSnapshotSeconds() const override { return kFirstSnapshotSeconds; }
-  absl::Status KeepSnapshot(const FieldSnapshot& snapshot) override;
+  absl::Status KeepSnapshot(FieldSnapshot snapshot) override;
   absl::Status EndStage(const StageEnd& end) override;
   void Warn(const std::string& message) override;
   void Log(const std::string& message) override;
@@ -62,6 +63,7 @@ class JobObserver final : public TrainingObserver {
   const char* stage_ = "";  // name of the running stage
   WorkerCheckpoints reconstruct_checkpoints_, feature_checkpoints_;
   std::vector<std::string> damaged_files_;
+  std::future<void> snapshot_written_;  // waits when it is destroyed
 };
 
 // Checkpoints of a stage are for its own options only, so that a change of stage two's options does
@@ -102,12 +104,17 @@ absl::Status JobObserver::ShowPreview(const Preview& preview) {
   return progress_.ShowPreview(preview);
 }
 
-// An error costs the snapshot only: the training needs none.
-absl::Status JobObserver::KeepSnapshot(const FieldSnapshot& snapshot) {
-  const absl::Status written = WriteSnapshotFile(
-      folder_.snapshot(spec_.fence),
-      {spec_.job, spec_.fence, snapshot.step, snapshot.num_steps, snapshot.field});
-  if (!written.ok()) spdlog::warn("no snapshot of step {}: {}", snapshot.step, written.ToString());
+// The training goes on while the file is written. An error costs the snapshot only.
+absl::Status JobObserver::KeepSnapshot(FieldSnapshot snapshot) {
+  if (snapshot_written_.valid()) snapshot_written_.wait();
+  SnapshotFile file = {spec_.job, spec_.fence, snapshot.step, snapshot.num_steps,
+                       std::move(snapshot.field)};
+  snapshot_written_ = std::async(
+      std::launch::async, [path = folder_.snapshot(spec_.fence), file = std::move(file)] {
+        const absl::Status written = WriteSnapshotFile(path, file);
+        if (written.ok()) return;
+        spdlog::warn("no snapshot of step {}: {}", file.step, written.ToString());
+      });
   return absl::OkStatus();
 }
 

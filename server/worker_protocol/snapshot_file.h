@@ -27,7 +27,7 @@ struct SnapshotFile {
 // format of features.bin (core/model_files/model_file.h). INVALID_ARGUMENT: the field is malformed.
 absl::Status WriteSnapshotFile(const std::filesystem::path& path, const SnapshotFile& snapshot);
 
-// Tells the files of one job apart: each is another file.
+// Identifies one of the files that a job has written, one after the other.
 struct SnapshotStamp {
   int64_t fence = 0;
   absl::Time modified;

@@ -121,7 +121,7 @@ absl::StatusOr<Geometry> GetGeometry(Backend& backend, const Capture& capture,
 // Returns the field after at least `step` steps, as a training writes it while it goes on.
 absl::StatusOr<FeatureField> SnapshotOf(FeatureTrainer& training, int64_t step) {
   while (training.step() < step && !training.done()) RETURN_IF_ERROR(training.Step().status());
-  return training.Result();
+  return training.Snapshot();
 }
 
 absl::StatusOr<FeatureField> GetField(Backend& backend, const Capture& capture,

@@ -54,6 +54,9 @@ grep -q '"state":"JOB_STATE_SUCCEEDED"' "$work/output" || fail 'the job did not 
 expect 0 pepeseg scenes shelf
 grep -q 'psnr' "$work/output" || fail 'the model has no PSNR'
 grep -q '  trained on: poses given' "$work/output" || fail 'scenes does not print the sources'
+expect 0 pepeseg segment shelf --model jobs/j1 --view frame-000000.jpg --point 280,280 --threshold 0
+grep -q '^scenes/shelf/models/1 ' "$work/output" || fail 'a job does not stand for its model'
+expect 3 pepeseg segment shelf --model jobs/j999 --view frame-000000.jpg --point 280,280
 expect 0 pepeseg segment shelf --view frame-000000.jpg --point 280,280 --threshold 0 \
   --views held-out --out "$work/masks"
 for stem in frame-000000 frame-000008; do

@@ -61,6 +61,27 @@ TEST(FeatureTrainer, ReturnsTheSameBytesForAnyNumberOfThreads) {
   }
 }
 
+// Snapshots between steps before and after the end of smoothing.
+TEST(FeatureTrainer, TrainsTheSameFieldWithSnapshots) {
+  const Capture capture = CaptureWithGaps();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const FeatureField without,
+                       testing::TrainFeatures(*backend, capture, gaussians, kShort, Go));
+  ASSERT_OK_AND_ASSIGN(const auto stage,
+                       FeatureTrainer::Create(*backend, capture, gaussians, kShort));
+  FeatureField snapshot;
+  while (!stage->done()) {
+    ASSERT_OK(stage->Step());
+    if (stage->step() % 5 == 0) snapshot = stage->Snapshot();
+  }
+  const FeatureField field = stage->Result();
+  EXPECT_EQ(field.features, without.features);
+  EXPECT_EQ(field.gate, without.gate);
+  EXPECT_EQ(snapshot.features, field.features);  // of the last step
+  EXPECT_EQ(snapshot.confidence, field.confidence);
+}
+
 // Two layers resume from checkpoints, do not depend on the number of threads, and every number of
 // the gate learns.
 TEST(FeatureTrainer, TrainsAGateOfTwoLayers) {

@@ -42,11 +42,11 @@ struct RecordingObserver final : TrainingObserver {
     return absl::OkStatus();
   }
   std::optional<double> FirstSnapshotSeconds() const override { return first_snapshot; }
-  absl::Status KeepSnapshot(const FieldSnapshot& snapshot) override {
+  absl::Status KeepSnapshot(FieldSnapshot snapshot) override {
     EXPECT_EQ(stages.back(), "features");
     EXPECT_EQ(snapshot.step, last_step.step);
     EXPECT_EQ(snapshot.num_steps, last_step.num_steps);
-    snapshots.push_back(snapshot);
+    snapshots.push_back(std::move(snapshot));
     return absl::OkStatus();
   }
   absl::Status EndStage(const StageEnd& end) override {

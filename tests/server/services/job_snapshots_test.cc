@@ -10,6 +10,7 @@
 #include "server/store/layout.h"
 #include "server/worker_protocol/job_folder.h"
 #include "server/worker_protocol/snapshot_file.h"
+#include "tests/server/access/keyed_server.h"
 #include "tests/server/shelf_model.h"
 
 namespace pepeseg {
@@ -133,17 +134,17 @@ TEST_F(JobSnapshotsTest, AnswerWhateverOnlyReadsAModel) {
   EXPECT_OK(stream->Finish());
 }
 
-TEST_F(JobSnapshotsTest, AreNoModelsForWhatStoresSomething) {
+TEST_F(JobSnapshotsTest, AreNoModelsForOtherCalls) {
   WriteGaussians();
   Write(At(30));
   v1::CreateSelectionRequest select;
   select.set_model(job);
   *select.mutable_prompt() = ClickAt(30);
   EXPECT_ERROR(Call(&SelectionStub::CreateSelection, select), grpc::INVALID_ARGUMENT, "model");
-  v1::CorrectSegmentRequest correct;
-  correct.set_model(job);
-  correct.add_corrections()->mutable_view()->set_view("middle.jpg");
-  EXPECT_ERROR(Call(&SegmentationStub::CorrectSegment, correct), grpc::INVALID_ARGUMENT, "model");
+  v1::FindSegmentsRequest find;
+  find.set_model(job);
+  find.set_text("book");
+  EXPECT_ERROR(Call(&SegmentationStub::FindSegments, find), grpc::INVALID_ARGUMENT, "model");
   v1::SegmentViewsRequest by_sam = Click();
   by_sam.set_sam_borders(true);
   EXPECT_ERROR(Call(&SegmentationStub::SegmentViews, by_sam), grpc::FAILED_PRECONDITION);
@@ -223,6 +224,17 @@ TEST_F(JobSnapshotsTest, AreOfJobsOnly) {
                {.reason = "NO_SUCH_JOB", .resource = "jobs/j99"});
   request.set_model("jobs/../j1");
   EXPECT_ERROR(Call(&SegmentationStub::SegmentViews, request), grpc::INVALID_ARGUMENT, "model");
+}
+
+struct JobSnapshotsOfProjects : KeyedServer {};
+
+TEST_F(JobSnapshotsOfProjects, AnswerTheProjectOfTheJobOnly) {
+  v1::SegmentViewsRequest request = pepeseg::Click<v1::SegmentViewsRequest>(30);
+  request.set_model(job);
+  EXPECT_OK(CallAs(reader, &SegmentationStub::SegmentViews, request));
+  EXPECT_ERROR(CallAs(stranger, &SegmentationStub::SegmentViews, request), grpc::PERMISSION_DENIED,
+               "model");
+  EXPECT_ERROR(CallAs("", &SegmentationStub::SegmentViews, request), grpc::UNAUTHENTICATED);
 }
 
 // A budget for one model, but not for two.

@@ -16,7 +16,7 @@ import { bytesText, deviceText, durationText, secondsOf } from '../format';
 import { Link } from '../router';
 import { Curve } from '../training/curve';
 import { hasEnded, jobStates, stageName, stages } from '../training/job_states';
-import type { Training } from '../training/training_watch';
+import type { Shown, Training } from '../training/training_watch';
 import { useTraining } from '../training/training_watch';
 
 function stageTime(seconds: number): string {
@@ -79,6 +79,34 @@ function Now({ training }: { training: Training }): JSX.Element | null {
           .filter(Boolean)
           .join(', ')}
       </p>
+    </div>
+  );
+}
+
+/** The newest picture of the scene as it is being trained. */
+function Picture({ picture }: { picture: Shown }): JSX.Element {
+  const step = `step ${picture.step.toLocaleString('en')} of ${picture.numSteps.toLocaleString('en')}`;
+  return (
+    <figure class="picture">
+      <img src={picture.url} alt={`${picture.view} as it is being trained: ${step}`} />
+      <figcaption>
+        {step}
+        {picture.seconds !== undefined && `, after ${durationText(picture.seconds)}`}
+      </figcaption>
+    </figure>
+  );
+}
+
+/** The scene in a picture: of its model, of the training, or its first photograph. */
+function ScenePicture({ training }: { training: Training }): JSX.Element | null {
+  const { job, picture } = training;
+  const preview = usePreview(job?.model);
+  if (!job) return null;
+  return (
+    <div class="preview">
+      {preview && <img src={preview} alt="" />}
+      {!preview && picture && <Picture picture={picture} />}
+      {!preview && !picture && <ScenePhoto scene={job.scene} parent={job.dataset} />}
     </div>
   );
 }
@@ -191,7 +219,6 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
     }
   };
   const running = job && !hasEnded(job.state);
-  const preview = usePreview(job?.model);
   return (
     <div class="screen" data-state={job ? jobStates[job.state] : ''}>
       <Header title={sceneName ? `Training ${sceneName}` : 'Training'} back="/">
@@ -217,13 +244,7 @@ export function TrainingScreen({ jobId }: { jobId: string }): JSX.Element {
         {job && (
           <div class="training">
             <div class="card">
-              <div class="preview">
-                {preview ? (
-                  <img src={preview} alt="" />
-                ) : (
-                  <ScenePhoto scene={job.scene} parent={job.dataset} />
-                )}
-              </div>
+              <ScenePicture training={training} />
               <Stages training={training} />
             </div>
             <div class="card">

@@ -1,8 +1,8 @@
 // A training as WatchJob reports it, resumed after a lost connection from the last event seen. Of the
 // time before a watch begins, the server returns the newest progress only, so this page stores what it
-// has seen for the page after a reload.
+// has seen, with the newest picture, for the page after a reload.
 import { useEffect, useState } from 'preact/hooks';
-import type { Job, JobEvent, JobProgress } from '../../gen/pepeseg/v1/job_service_pb';
+import type { Job, JobEvent, JobEvent_Preview, JobProgress } from '../../gen/pepeseg/v1/job_service_pb';
 import { JobStage } from '../../gen/pepeseg/v1/job_service_pb';
 import { jobs } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -22,6 +22,16 @@ export interface StageRun {
   readonly skipped: string;
 }
 
+/** A picture of the scene as it is being trained. */
+export interface Shown {
+  readonly url: string;
+  readonly view: string;
+  readonly step: number;
+  readonly numSteps: number;
+  /** Since the start of the stage. */
+  readonly seconds: number | undefined;
+}
+
 export interface Training {
   readonly job: Job | undefined;
   readonly progress: JobProgress | undefined;
@@ -33,6 +43,9 @@ export interface Training {
   readonly gaussians: readonly Sample[];
   readonly featureLoss: readonly Sample[];
   readonly notes: readonly string[];
+  /** Time of the start of the stage RECONSTRUCT, seconds since 1970. */
+  readonly begun: number | undefined;
+  readonly picture: Shown | undefined;
   readonly sequence: bigint;
 }
 
@@ -46,6 +59,8 @@ export const noTraining: Training = {
   gaussians: [],
   featureLoss: [],
   notes: [],
+  begun: undefined,
+  picture: undefined,
   sequence: 0n,
 };
 
@@ -76,8 +91,20 @@ function progressed(training: Training, progress: JobProgress): Training {
   };
 }
 
+function shown(training: Training, preview: JobEvent_Preview, time: JobEvent['time']): Shown {
+  const { begun } = training;
+  const bytes = Array.from(preview.jpeg, (byte) => String.fromCharCode(byte)).join('');
+  return {
+    url: `data:image/jpeg;base64,${btoa(bytes)}`,
+    view: preview.view,
+    step: Number(preview.step),
+    numSteps: Number(preview.numSteps),
+    seconds: begun === undefined ? undefined : Math.max(0, secondsOf(time) - begun),
+  };
+}
+
 /** Returns the state after an event. */
-export function after(training: Training, { sequence, event }: JobEvent): Training {
+export function after(training: Training, { sequence, time, event }: JobEvent): Training {
   const known = {
     ...training,
     sequence: sequence > training.sequence ? sequence : training.sequence,
@@ -90,7 +117,8 @@ export function after(training: Training, { sequence, event }: JobEvent): Traini
     case 'stageStarted': {
       const run: StageRun = { state: 'running', seconds: undefined, skipped: '' };
       const stages = new Map(training.stages).set(event.value.stage, run);
-      return { ...known, stages, job: job && { ...job, stage: event.value.stage } };
+      const begun = event.value.stage === JobStage.RECONSTRUCT ? secondsOf(time) : training.begun;
+      return { ...known, stages, begun, job: job && { ...job, stage: event.value.stage } };
     }
     case 'stageEnded': {
       const { stage, elapsed, skipped, metrics } = event.value;
@@ -108,6 +136,8 @@ export function after(training: Training, { sequence, event }: JobEvent): Traini
     }
     case 'progress':
       return progressed(known, event.value);
+    case 'preview':
+      return { ...known, picture: shown(training, event.value, time) };
     case 'warning':
       return { ...known, notes: [...training.notes, event.value.message] };
     case 'termSkipped': {
@@ -126,9 +156,10 @@ export function after(training: Training, { sequence, event }: JobEvent): Traini
 const storeName = (job: string) => `pepeseg-training-${job}`;
 
 function remember(job: string, { sequence, stages, metrics, notes, ...rest }: Training): void {
-  const { loss, psnr, gaussians, featureLoss } = rest;
+  const { loss, psnr, gaussians, featureLoss, begun, picture } = rest;
   const maps = { stages: [...stages], metrics: [...metrics] };
-  const kept = { sequence: String(sequence), ...maps, notes, loss, psnr, gaussians, featureLoss };
+  const curves = { loss, psnr, gaussians, featureLoss };
+  const kept = { sequence: String(sequence), ...maps, notes, ...curves, begun, picture };
   try {
     sessionStorage.setItem(storeName(job), JSON.stringify(kept));
   } catch {
@@ -146,7 +177,10 @@ function recall(job: string): Training {
   try {
     const text = sessionStorage.getItem(storeName(job)) ?? '';
     const { sequence, stages, metrics, ...rest } = JSON.parse(text) as Kept &
-      Pick<Training, 'loss' | 'psnr' | 'gaussians' | 'featureLoss' | 'notes'>;
+      Pick<
+        Training,
+        'loss' | 'psnr' | 'gaussians' | 'featureLoss' | 'notes' | 'begun' | 'picture'
+      >;
     const maps = { stages: new Map(stages), metrics: new Map(metrics) };
     return { ...noTraining, ...rest, ...maps, sequence: BigInt(sequence) };
   } catch {
@@ -168,7 +202,8 @@ async function watch(
         backoff.reset();
         training = after(training, event);
         show(training);
-        if (event.event.case === 'progress') remember(name, training);
+        const { case: kind } = event.event;
+        if (kind === 'progress' || kind === 'preview') remember(name, training);
       }
       return;
     } catch (error) {

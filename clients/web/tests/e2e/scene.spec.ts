@@ -129,7 +129,13 @@ test('a training is followed after a reload and a restart of the server', async 
   await expect.poll(numSamples, { timeout: 300_000 }).toBeGreaterThan(4);
   const before = await numSamples();
   const first = (await psnr.getAttribute('data-first')) ?? '';
+  const picture = page.getByRole('img', { name: /as it is being trained: step [\d,]+ of [\d,]+$/ });
+  await expect(picture).toBeVisible();
+  await expect(page.locator('.picture figcaption')).toHaveText(/^step .* of .*, after \d+ s$/);
   await page.reload();
+  // What was there before comes from the page's store: the server does not send it again.
+  await expect(picture).toBeVisible();
+  await expect(picture).toHaveJSProperty('complete', true);
   await expect.poll(numSamples, { timeout: 30_000 }).toBeGreaterThanOrEqual(before);
   await expect(psnr).toHaveAttribute('data-first', first);
   await pictures('training');

@@ -1,9 +1,11 @@
 """Tests trainings and their jobs."""
 
+import io
 import json
 import threading
 
 import numpy as np
+from PIL import Image
 import pytest
 
 import pepeseg
@@ -91,6 +93,42 @@ class TestTraining:
         later = list(client.watch(job.name, after=numbers[-3]))
         assert [event.sequence for event in later[1:]] == numbers[-2:]
         assert client.wait(job) == client.model()
+
+    def test_pictures_of_the_training_come_to_who_watches_late(self, client):
+        job = next(job for job in client.jobs() if job.model == "scenes/shelf/models/1")
+        pictures = [event.preview for event in client.watch(job) if event.HasField("preview")]
+        assert len(pictures) >= 2
+        steps = [picture.step for picture in pictures]
+        assert steps == sorted(steps) and steps[-1] == pictures[-1].num_steps == SMALL["steps"]
+        for picture in pictures:
+            assert picture.stage == job_service_pb2.JOB_STAGE_RECONSTRUCT
+            assert picture.view == pictures[0].view
+            assert len(picture.jpeg) <= 30_000
+            with Image.open(io.BytesIO(picture.jpeg)) as image:
+                assert (image.format, image.size) == ("JPEG", (picture.width, picture.height))
+
+    def test_a_job_answers_clicks_while_it_trains(self, client, server):
+        options = {"features.num_pixels": 300, "features.min_loss_fall": 0}
+        job = client.start_training(
+            steps=60, feature_steps=10**6, image_scale=0.25, options=options
+        )
+        try:
+            training = pepeseg.Client("shelf", server=server.address, model=job.name, patience=60)
+            found = training.segment("frame-000000.jpg", points=[[440, 280]])
+            assert found.model == found.snapshot.job == job.name
+            assert 1 <= found.snapshot.step < found.snapshot.num_steps == 10**6
+            assert found.mask.any()
+            assert len(training.views()) == 15
+        finally:
+            client.cancel(job)
+            with pytest.raises(pepeseg.JobCancelledError):
+                client.wait(job)
+        with pytest.raises(pepeseg.FailedPreconditionError, match="was cancelled") as gone:
+            training.segment("frame-000000.jpg", points=[[440, 280]])
+        assert gone.value.resource == job.name
+        done = pepeseg.Client("shelf", server=server.address, model="jobs/j1")
+        answered = done.segment("frame-000000.jpg", points=[[440, 280]])
+        assert answered.model == "scenes/shelf/models/1" and answered.snapshot is None
 
     def test_a_training_is_estimated(self, client):
         answer = client.estimate(**SMALL)
