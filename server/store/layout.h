@@ -23,7 +23,8 @@
 //   damaged/PROJECT/abcd...   blobs whose bytes had another digest when they were read again
 //   partial/PROJECT/SCENE-N/  partial uploads of files by SHA-256; next to each, DIGEST.length: the
 //                             number of its bytes that are committed
-//   scratch/                  decoded images on their way to a client; unlinked once opened
+//   scratch/                  decoded images on their way to a client, unlinked once opened; for a
+//                             moment the Gaussians of a job in training
 //   datasets/SCENE/N.json     manifest of a sealed dataset
 //   selections/SCENE/N        members of a selection (core/model_files/model_file.h)
 //   models/SCENE/N/           a corrected model; files that the correction leaves as they are have

@@ -96,7 +96,8 @@ class TestTraining:
 
     def test_pictures_of_the_training_come_to_who_watches_late(self, client):
         job = next(job for job in client.jobs() if job.model == "scenes/shelf/models/1")
-        pictures = [event.preview for event in client.watch(job) if event.HasField("preview")]
+        events = client.watch(job, after=0)
+        pictures = [event.preview for event in events if event.HasField("preview")]
         assert len(pictures) >= 2
         steps = [picture.step for picture in pictures]
         assert steps == sorted(steps) and steps[-1] == pictures[-1].num_steps == SMALL["steps"]
