@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <optional>
 
 #include "absl/status/status.h"
 #include "core/base/progress.h"
@@ -14,7 +15,7 @@ namespace pepeseg {
 // training stays the same. For one thread.
 class Snapshots {
  public:
-  // Both must outlive it. The stage starts now.
+  // Both must outlive it.
   Snapshots(FeatureTrainer& trainer, TrainingObserver& observer);
   // Called after each report of the trainer. Takes a snapshot if one is due, but none at the end of
   // the stage: the model is written then. Errors are those of the observer.
@@ -22,11 +23,13 @@ class Snapshots {
 
  private:
   using Clock = std::chrono::steady_clock;
-  double Seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+  // Returns the time since the first report. The first step may wait long for its batch, and a
+  // field after one step means nothing.
+  double Seconds();
 
   FeatureTrainer& trainer_;
   TrainingObserver& observer_;
-  const Clock::time_point start_ = Clock::now();
+  std::optional<Clock::time_point> start_;  // absent: no step was reported yet
   PreviewSchedule schedule_;
 };
 

@@ -82,7 +82,7 @@ class TrainingObserver {
   // Returns true if stage one is to render previews for ShowPreview.
   virtual bool WantsPreviews() const { return false; }
   virtual absl::Status ShowPreview(const Preview&) { return absl::OkStatus(); }
-  // Returns the time from the start of stage two's steps to the first call of KeepSnapshot,
+  // Returns the time from stage two's first step to the first call of KeepSnapshot,
   // seconds; further ones follow as PreviewSchedule says. Absent: none. The Gaussians are then
   // below the run's folder as a model, in kReconstructFolder or kGivenFolder.
   virtual std::optional<double> FirstSnapshotSeconds() const { return std::nullopt; }
