@@ -87,7 +87,7 @@ function Now({ training }: { training: Training }): JSX.Element | null {
 function Picture({ picture }: { picture: Shown }): JSX.Element {
   const step = `step ${picture.step.toLocaleString('en')} of ${picture.numSteps.toLocaleString('en')}`;
   return (
-    <figure class="picture">
+    <figure class="training-picture">
       <img src={picture.url} alt={`${picture.view} as it is being trained: ${step}`} />
       <figcaption>
         {step}

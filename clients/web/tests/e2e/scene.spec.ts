@@ -131,7 +131,7 @@ test('a training is followed after a reload and a restart of the server', async 
   const first = (await psnr.getAttribute('data-first')) ?? '';
   const picture = page.getByRole('img', { name: /as it is being trained: step [\d,]+ of [\d,]+$/ });
   await expect(picture).toBeVisible();
-  await expect(page.locator('.picture figcaption')).toHaveText(/^step .* of .*, after \d+ s$/);
+  await expect(page.locator('.training-picture figcaption')).toHaveText(/^step .* of .*, after \d+ s$/);
   await page.reload();
   // What was there before comes from the page's store: the server does not send it again.
   await expect(picture).toBeVisible();
