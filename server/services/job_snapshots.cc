@@ -29,9 +29,9 @@ absl::Status NoSnapshotError(const JobRecord& job) {
   if (job.state == JobState::kQueued) why = "waits for its start";
   if (job.stage == "index") why = "is writing its model";
   return WithDetail(
-      absl::UnavailableError(
-          absl::StrCat(JobName(job.id), " ", why,
-                       ": it answers from about a second after the start of stage features on")),
+      absl::UnavailableError(absl::StrCat(
+          JobName(job.id), " ", why,
+          ": it answers from about a second after the first step of stage features on")),
       {.reason = "NO_SNAPSHOT", .resource = JobName(job.id), .retry_after = kRetryAfter});
 }
 

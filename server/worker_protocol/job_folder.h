@@ -25,9 +25,9 @@
 //   work/attempt-FENCE/      the model, once its manifest is there, with embeddings of its
 //                            photographs (core/priors/sam/sam_embedding.h); reconstruct/: stage
 //                            one's result, or given/: the dataset's Gaussians, both as a model
-//                            without features; checkpoints/: state of the stages; frames/ of videos,
-//                            heic/ and poses/ of stage sfm: each whole once its own manifest is
-//                            there
+//                            without features; checkpoints/: state of the stages; frames/ of
+//                            videos, heic/ and poses/ of stage sfm: each whole once its own
+//                            manifest is there
 //   work/priors/             files of the priors command, and how it ended
 //                            (core/train/priors_command.h); sam/: SAM's masks and
 //                            embeddings of the photographs that are done

@@ -81,7 +81,7 @@ struct JobSnapshotsTest : EmptyScene {
 TEST_F(JobSnapshotsTest, AnswerByTheNewestOne) {
   ExpectNoSnapshot(job + " is in stage prepare");
   WriteGaussians();
-  ExpectNoSnapshot("about a second after the start of stage features");
+  ExpectNoSnapshot("about a second after the first step of stage features");
   Write(At(10));
   ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
   EXPECT_EQ(answer.model(), job);
