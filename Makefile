@@ -122,12 +122,13 @@ stress: $(BUILD)/CMakeCache.txt
 	@deploy/packages.sh deploy/packages/build.txt deploy/packages/stress.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepeseg_residency_stress_run pepeseg_slurm_stress \
 	  stress_kill_server_test stress_io_faults_test stress_lost_commits_test \
-	  stress_kill_worker_test stress_flipped_bits_test \
+	  stress_kill_worker_test stress_devices_load_test stress_flipped_bits_test \
 	  stress_http2_abuse_test stress_soak_test stress_numerics_test server_residency_test \
 	  jobs_supervisor_test worker_test server_end_to_end_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_numerics_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_flipped_bits_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_worker_test
+	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_devices_load_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_kill_server_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_io_faults_test
 	cd $(BUILD) && PEPESEG_STRESS=full bin/stress_lost_commits_test

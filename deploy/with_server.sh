@@ -2,7 +2,7 @@
 # Starts a server on a free loopback port, runs a command with PEPESEG_SERVER set to it, and stops
 # the server. Its data is in OUT_FOLDER while it runs; its log stays there as server.log.
 #   with_server.sh BUILD_FOLDER OUT_FOLDER COMMAND [ARGUMENTS...]
-# PEPESEGD_FLAGS: further flags of the server, such as --device=cuda.
+# PEPESEGD_FLAGS: further flags of the server, such as --devices=cuda.
 set -euo pipefail
 build=${1:?usage: with_server.sh BUILD_FOLDER OUT_FOLDER COMMAND...}
 out=${2:?usage: with_server.sh BUILD_FOLDER OUT_FOLDER COMMAND...}

@@ -118,8 +118,11 @@ void AddQuotaFlags(CLI::App& app, Quota& quota) {
 void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
   server.worker = DefaultWorker();
   app.add_option("--worker", server.worker, "The pepeseg-worker program")->capture_default_str();
-  app.add_option("--device", server.device,
-                 "auto, cpu, cuda or cuda:N; auto: CUDA if there is a device, else the CPU")
+  app.add_option(
+         "--devices", server.devices,
+         "Devices of jobs and queries, separated by commas: cpu, cuda:N. Each takes one job "
+         "at a time. all: every CUDA device, or the CPU if there is none; auto: the first "
+         "one, or the CPU. cpu:0,cpu:1: two jobs at a time on the CPU")
       ->capture_default_str();
   app.add_option("--lpips-weights", server.workers.lpips_weights,
                  "ONNX file of LPIPS, exported as in OPERATIONS.md, which scores held-out views")
@@ -192,7 +195,7 @@ void AddWorkerFlags(CLI::App& app, ServerOptions& server) {
   app.add_option("--slurm-gres", server.launch.slurm_gres,
                  "Generic resources of each Slurm job, such as gpu:1");
   app.add_option("--slurm-device", server.launch.slurm_device,
-                 "Device of the nodes, as in --device. Default: the server's");
+                 "Device of the nodes, as in --devices. Default: the server's");
 }
 
 void AddWordFlags(CLI::App& app, ServerOptions& server) {
@@ -218,11 +221,13 @@ void AddWordFlags(CLI::App& app, ServerOptions& server) {
 }
 
 void AddMemoryFlags(CLI::App& app, ServerOptions& server) {
-  app.add_option("--threads", server.num_threads, "CPU threads of a job; 0: one per core")
+  app.add_option("--threads", server.num_threads,
+                 "CPU threads of a job; 0: the cores, divided among the devices")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app.add_option("--device-memory", server.device_memory,
-                 "Maximum device memory of a training; 0: what is free at the start. On the CPU at "
+                 "Maximum memory of a device that a training takes; 0: what is free at the start. "
+                 "On the CPU at "
                  "most a worker's limit: what --model-memory and the server's reserve leave")
       ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
       ->capture_default_str();

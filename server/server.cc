@@ -104,8 +104,7 @@ struct Server::Parts {
   std::unique_ptr<BlobStore> blobs;
   std::unique_ptr<BlobChecker> checker;
   std::unique_ptr<Collector> collector;
-  Device device;              // computes queries; a worker opens its own by the same id
-  int64_t device_memory = 0;  // that a training may take, bytes
+  std::vector<Device> devices;  // compute queries; a worker opens its own by the same id
   std::unique_ptr<ModelLoader> models;
   std::unique_ptr<JobSnapshots> snapshots;
   ServerMetrics metrics;
@@ -156,7 +155,7 @@ struct Server::Parts {
   absl::Status OpenStorage(const ServerOptions& options);
   // Opens certificates, the audit log and keys.
   absl::Status OpenAccess(const ServerOptions& options);
-  // Opens the device, and makes the cache of models.
+  // Opens the devices, and makes the caches of models.
   absl::Status OpenCompute(const ServerOptions& options);
   // Starts the supervisor, which may start workers at once.
   absl::Status StartJobs(const ServerOptions& options);
@@ -200,25 +199,23 @@ absl::Status Server::Parts::OpenCompute(const ServerOptions& options) {
   if (const std::filesystem::path& weights = options.workers.lpips_weights; !weights.empty()) {
     RETURN_IF_ERROR(CheckLpips(weights));
   }
-  ASSIGN_OR_RETURN(device, OpenDevice(options.device, options.num_threads));
-  device_memory = TrainingMemory(options, *device.backend);
-  LogDevice(device, device_memory);
-  models = std::make_unique<ModelLoader>(
-      ModelLoader::Dependencies{options.data, *store, *quotas, *device.backend},
-      MakeModelCache(options, *device.backend));
+  ASSIGN_OR_RETURN(devices, OpenDevices(options.devices, options.num_threads));
+  LogDevices(options, devices);
+  models = std::make_unique<ModelLoader>(ModelLoader::Dependencies{options.data, *store, *quotas},
+                                         MakeModelDevices(options, devices));
   snapshots = std::make_unique<JobSnapshots>(*models, ScratchFolder(options.data));
   return absl::OkStatus();
 }
 
 absl::Status Server::Parts::StartJobs(const ServerOptions& options) {
-  SupervisorOptions job_options = JobOptions(options, device);
+  SupervisorOptions job_options = JobOptions(options, devices);
   ASSIGN_OR_RETURN(sam, FindSam(options));
   job_options.workers.sam = sam;
   ASSIGN_OR_RETURN(const std::filesystem::path command,
                    FindCommand("priors command", options.workers.priors_command));
   job_options.workers.priors_command = command.string();
   ASSIGN_OR_RETURN(detector, FindDetector(options));
-  ASSIGN_OR_RETURN(text_task, FindTextCommand(options));
+  ASSIGN_OR_RETURN(text_task, FindTextCommand(options, devices.size()));
   job_options.file_path = [of = blobs.get()](const std::string& project,
                                              const DatasetFileRecord& file) {
     return of->Path({project, file.sha256});
@@ -242,22 +239,24 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   photographs.scratch = ScratchFolder(options.data);
   photographs.failed = &failed_photographs;
   runner = std::make_unique<CallRunner>(*authorizer, *quotas, *streams, pools);
-  health = MakeHealthMonitor(*store, *device.backend, options.data);
+  health = MakeHealthMonitor(*store, devices, options.data);
   operations = std::make_unique<Operations>(
       Operations::Dependencies{*runner, *models, *supervisor, *health, find_sources});
   EstimateTools tools;
   tools.has_priors_command = !options.workers.priors_command.empty();
   tools.has_sam = !sam.empty();
   tools.has_lpips = !options.workers.lpips_weights.empty();
-  tools.num_threads = options.num_threads > 0 ? options.num_threads : NumCores();
+  const int num_threads = ThreadsOfDevice(options.num_threads, static_cast<int>(devices.size()));
+  tools.num_threads = num_threads > 0 ? num_threads : NumCores();
   scenes = std::make_unique<SceneServiceRpc>(*runner, *models, *snapshots, *blobs);
   datasets = std::make_unique<DatasetServiceRpc>(
       *runner, *models, *blobs,
       DatasetServiceRpc::Dependencies{tools.has_priors_command || tools.has_sam,
                                       {&photograph_pool, &photographs, checker.get()}});
+  const TrainingDevice smallest = SmallestDevice(options, devices);
   jobs = std::make_unique<JobServiceRpc>(
       *runner, JobServiceRpc::Dependencies{
-                   *store, *blobs, *supervisor, {*device.backend, device_memory, tools}});
+                   *store, *blobs, *supervisor, {smallest.backend, smallest.memory_bytes, tools}});
   ASSIGN_OR_RETURN(wordnet, FindWordNet(options));
   MakeQueryServices(tools.num_threads);
   if (!options.admin.empty()) {
@@ -269,7 +268,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
 
 void Server::Parts::MakeQueryServices(int num_threads) {
   images = std::make_unique<ViewImages>(ViewImages::Dependencies{
-      sam, num_threads, CudaDevice(device.id), *store, *models, *blobs, photographs});
+      sam, num_threads, CudaDevice(devices.front().id), *store, *models, *blobs, photographs});
   word_photographs =
       std::make_unique<WordPhotographs>(WordPhotographs::Dependencies{*store, *blobs, photographs});
   detector_words = std::make_unique<DetectorWords>(

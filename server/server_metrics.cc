@@ -48,6 +48,7 @@ class ServerGauges final : public prometheus::Collectable {
   void AddPools(Samples& samples) const;
   void AddRows(Samples& samples) const;
   void AddModels(Samples& samples) const;
+  void AddDevices(Samples& samples) const;
   void AddProcess(Samples& samples) const;
 
   const Operations& operations_;
@@ -60,6 +61,7 @@ std::vector<prometheus::MetricFamily> ServerGauges::Collect() const {
   AddPools(samples);
   AddRows(samples);
   AddModels(samples);
+  AddDevices(samples);
   AddProcess(samples);
   return families;
 }
@@ -67,8 +69,7 @@ std::vector<prometheus::MetricFamily> ServerGauges::Collect() const {
 void ServerGauges::AddServer(Samples& samples) const {
   const StreamRegistry& streams = operations_.runner().streams();
   samples.Gauge("pepeseg_build_info", "Version and device of the server; always 1.");
-  samples.Add(
-      1, {{"version", Operations::version()}, {"device", operations_.models().backend().name()}});
+  samples.Add(1, {{"version", Operations::version()}, {"device", operations_.DeviceNames()}});
   samples.Gauge("pepeseg_draining", "1 while the server refuses new work.");
   samples.Add(operations_.health().draining() ? 1 : 0);
   samples.Gauge("pepeseg_service_healthy", "1 while health reports SERVING.");
@@ -135,32 +136,51 @@ void ServerGauges::AddRows(Samples& samples) const {
 
 void ServerGauges::AddModels(Samples& samples) const {
   const ModelLoader& loader = operations_.models();
-  const ModelCache& models = loader.cache();
-  int64_t num_models = 0;
-  models.Visit([&](const ModelCache::Info&, const SceneModel&) { ++num_models; });
-  const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
-  const bool two = !models.budget().one_memory();
+  const std::vector<ModelDevice>& devices = loader.devices().all();
+  const auto add = [&](auto value) {
+    for (const ModelDevice& device : devices) {
+      samples.Add(Value(value(device)), {{"device", device.id}});
+    }
+  };
+  const auto add_memories = [&](auto bytes) {
+    for (const ModelDevice& device : devices) {
+      const MemoryBytes both = bytes(*device.cache);
+      samples.Add(Value(both.host), {{"device", device.id}, {"memory", "host"}});
+      if (device.cache->budget().one_memory()) continue;
+      samples.Add(Value(both.device), {{"device", device.id}, {"memory", "device"}});
+    }
+  };
   samples.Gauge("pepeseg_resident_models", "Models in memory.");
-  samples.Add(Value(num_models));
+  add([](const ModelDevice& device) {
+    int64_t num_models = 0;
+    device.cache->Visit([&](const ModelCache::Info&, const SceneModel&) { ++num_models; });
+    return num_models;
+  });
   samples.Gauge("pepeseg_resident_reserved_bytes", "Memory reserved for models, bytes.");
-  samples.Add(Value(used.host), {{"memory", "host"}});
-  if (two) samples.Add(Value(used.device), {{"memory", "device"}});
+  add_memories([](const ModelCache& models) { return models.bytes_in_use(); });
   samples.Gauge("pepeseg_resident_limit_bytes",
                 "Maximum of the memory reserved for models, bytes.");
-  samples.Add(Value(limit.host), {{"memory", "host"}});
-  if (two) samples.Add(Value(limit.device), {{"memory", "device"}});
+  add_memories([](const ModelCache& models) { return models.budget().usable(); });
   samples.Gauge("pepeseg_device_used_bytes",
                 "Device memory allocated by models and queries, bytes.");
-  samples.Add(Value(loader.backend().bytes_in_use()));
-  const ModelCache::Counts counts = models.counts();
+  add([](const ModelDevice& device) { return device.backend.bytes_in_use(); });
   samples.Counter("pepeseg_model_loads_total", "Models loaded into memory.");
-  samples.Add(Value(counts.num_loads));
+  add([](const ModelDevice& device) { return device.cache->counts().num_loads; });
   samples.Counter("pepeseg_model_evictions_total", "Models evicted to make room.");
-  samples.Add(Value(counts.num_evictions));
+  add([](const ModelDevice& device) { return device.cache->counts().num_evictions; });
   samples.Counter("pepeseg_feature_map_hits_total", "Feature maps of views found in the cache.");
   samples.Add(Value(loader.map_counts().num_hits.load()));
   samples.Counter("pepeseg_feature_map_renders_total", "Feature maps that had to be rendered.");
   samples.Add(Value(loader.map_counts().num_renders.load()));
+}
+
+void ServerGauges::AddDevices(Samples& samples) const {
+  const std::vector<DeviceUse::Use> uses = operations_.supervisor().device_use();
+  const std::vector<ModelDevice>& devices = operations_.models().devices().all();
+  samples.Counter("pepeseg_device_job_seconds_total", "Time in which jobs ran on the device.");
+  for (size_t i = 0; i < devices.size(); ++i) {
+    samples.Add(absl::ToDoubleSeconds(uses[i].job_time), {{"device", devices[i].id}});
+  }
 }
 
 void ServerGauges::AddProcess(Samples& samples) const {

@@ -58,8 +58,9 @@ struct ServerOptions {
   int64_t text_seconds = 120;
   // Folder of WordNet's files, whose synonyms find labels; empty: none. The default need not exist.
   std::filesystem::path wordnet = kDefaultWordNet;
-  std::string device = "auto";  // device of jobs and queries, as OpenDevice takes it
-  int num_threads = 0;          // CPU threads of a job and of a query; 0: one per core
+  std::string devices = "auto";  // devices of jobs and queries, as OpenDevices takes them
+  // CPU threads of a job and of a query; 0: the cores, divided among the devices.
+  int num_threads = 0;
   // Maximum device memory of a training, bytes. 0: what is free when the server starts. At most
   // WorkerMemory() (server_parts.h) on a device whose memory is the host's.
   int64_t device_memory = 0;

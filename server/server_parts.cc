@@ -96,10 +96,13 @@ absl::Status CheckOptions(const ServerOptions& options) {
   return absl::OkStatus();
 }
 
-void LogDevice(const Device& device, int64_t device_memory) {
-  const std::string because = device.reason.empty() ? "" : ": " + device.reason;
-  spdlog::info("computing on {}{}", device.backend->name(), because);
-  spdlog::info("a training may take {} MiB of its memory", device_memory >> 20);
+void LogDevices(const ServerOptions& options, const std::vector<Device>& devices) {
+  for (const Device& device : devices) {
+    const std::string because = device.reason.empty() ? "" : ": " + device.reason;
+    spdlog::info("computing on {}{}", device.name, because);
+    spdlog::info("a training may take {} MiB of its memory",
+                 TrainingMemory(options, *device.backend, devices.size()) >> 20);
+  }
 }
 
 absl::StatusOr<std::filesystem::path> FindCommand(const std::string& what,
@@ -124,7 +127,7 @@ absl::StatusOr<std::filesystem::path> FindDetector(const ServerOptions& options)
                        options.detector, options.default_detector);
 }
 
-absl::StatusOr<TextTask> FindTextCommand(const ServerOptions& options) {
+absl::StatusOr<TextTask> FindTextCommand(const ServerOptions& options, size_t num_devices) {
   TextTask task;
   ASSIGN_OR_RETURN(const std::filesystem::path program,
                    FindCommand("text command", options.text_command));
@@ -132,7 +135,7 @@ absl::StatusOr<TextTask> FindTextCommand(const ServerOptions& options) {
   task.time_limit = absl::Seconds(options.text_seconds);
   task.sandbox_reads = options.workers.sandbox_reads;
   task.pass_environment = options.workers.pass_environment;
-  task.memory_limit = WorkerMemory(options);
+  task.memory_limit = WorkerMemory(options, num_devices);
   task.num_threads = options.num_threads;
   task.sandbox = options.workers.sandbox;
   return task;
@@ -181,18 +184,21 @@ absl::StatusOr<std::unique_ptr<Store>> OpenStore(const ServerOptions& options) {
   return Store::Open(url, {HolderName(), absl::Seconds(options.launch.lease_seconds)});
 }
 
-SupervisorOptions JobOptions(const ServerOptions& options, const Device& device) {
+SupervisorOptions JobOptions(const ServerOptions& options, const std::vector<Device>& devices) {
   SupervisorOptions job_options;
   job_options.data_folder = options.data;
   job_options.worker = options.worker;
   job_options.workers = options.workers;
-  job_options.device = device.id;
-  job_options.device_name = device.backend->name();
-  job_options.num_threads = options.num_threads;
-  job_options.memory_limit = WorkerMemory(options);
+  const int num_threads = ThreadsOfDevice(options.num_threads, static_cast<int>(devices.size()));
+  job_options.devices.clear();
+  for (const Device& device : devices) {
+    const std::string& of_nodes = options.launch.slurm_device;
+    job_options.devices.push_back(
+        {of_nodes.empty() ? device.id : of_nodes, device.name, num_threads});
+  }
+  job_options.memory_limit = WorkerMemory(options, devices.size());
   job_options.launch = options.launch;
   job_options.launch.database = DatabaseUrl(options);
-  if (!options.launch.slurm_device.empty()) job_options.device = options.launch.slurm_device;
   return job_options;
 }
 
@@ -201,27 +207,49 @@ int64_t WorkerMemory(int64_t host_bytes, int64_t model_bytes) {
   return std::max(host_bytes / 4, host_bytes - model_bytes - reserve);
 }
 
-int64_t WorkerMemory(const ServerOptions& options) {
+int64_t WorkerMemory(const ServerOptions& options, size_t num_devices) {
   if (options.launch.launcher != LaunchOptions::Launcher::kProcess) return 0;
-  return WorkerMemory(HostMemory().total_bytes, HostModelBytes(options));
+  return WorkerMemory(HostMemory().total_bytes, HostModelBytes(options)) /
+         static_cast<int64_t>(num_devices);
 }
 
-int64_t TrainingMemory(const ServerOptions& options, const Backend& backend) {
+int64_t TrainingMemory(const ServerOptions& options, const Backend& backend, size_t num_devices) {
   const DeviceMemory memory = backend.memory();
   const int64_t bytes = options.device_memory > 0 ? options.device_memory : memory.free_bytes;
-  const int64_t worker = WorkerMemory(options);
+  const int64_t worker = WorkerMemory(options, num_devices);
   return memory.is_host && worker > 0 ? std::min(bytes, worker) : bytes;
 }
 
-std::unique_ptr<ModelCache> MakeModelCache(const ServerOptions& options, Backend& backend) {
-  const DeviceMemory memory = backend.memory();
-  MemoryBytes limit = {HostModelBytes(options), options.model_device_bytes};
-  if (limit.device <= 0) limit.device = memory.total_bytes / 2;
-  return std::make_unique<ModelCache>(MemoryBudget(limit, memory.is_host),
-                                      [&backend] { backend.ReleaseFreed(); });
+TrainingDevice SmallestDevice(const ServerOptions& options, const std::vector<Device>& devices) {
+  const Device* smallest = nullptr;
+  int64_t least = 0;
+  for (const Device& device : devices) {
+    const int64_t bytes = TrainingMemory(options, *device.backend, devices.size());
+    if (smallest == nullptr || bytes < least) {
+      smallest = &device;
+      least = bytes;
+    }
+  }
+  return {*smallest->backend, least};
 }
 
-std::unique_ptr<HealthMonitor> MakeHealthMonitor(Store& store, Backend& backend,
+std::vector<ModelDevice> MakeModelDevices(const ServerOptions& options,
+                                          const std::vector<Device>& devices) {
+  std::vector<ModelDevice> made;
+  for (const Device& device : devices) {
+    Backend& backend = *device.backend;
+    const DeviceMemory memory = backend.memory();
+    MemoryBytes limit = {HostModelBytes(options) / static_cast<int64_t>(devices.size()),
+                         options.model_device_bytes};
+    if (limit.device <= 0) limit.device = memory.total_bytes / 2;
+    made.push_back({device.id, device.name, backend,
+                    std::make_unique<ModelCache>(MemoryBudget(limit, memory.is_host),
+                                                 [&backend] { backend.ReleaseFreed(); })});
+  }
+  return made;
+}
+
+std::unique_ptr<HealthMonitor> MakeHealthMonitor(Store& store, const std::vector<Device>& devices,
                                                  const std::filesystem::path& data_folder) {
   std::vector<std::string> services = ServiceNames();
   services.emplace_back("");
@@ -231,13 +259,15 @@ std::unique_ptr<HealthMonitor> MakeHealthMonitor(Store& store, Backend& backend,
       {"data directory",
        [folder = data_folder] { return ProbeDisk(folder, kMinDiskFreeBytes); },
        {v1::DatasetService::service_full_name(), v1::JobService::service_full_name()}});
-  probes.push_back(
-      {"device",
-       [&backend] { return ProbeDevice(backend); },
-       {v1::SegmentationService::service_full_name(), v1::LabelService::service_full_name(),
-        v1::SelectionService::service_full_name(), v1::RenderService::service_full_name(),
-        v1::EvaluationService::service_full_name(), ""},
-       /*blocks=*/false});
+  for (const Device& device : devices) {
+    probes.push_back(
+        {"device " + device.id,
+         [backend = device.backend.get()] { return ProbeDevice(*backend); },
+         {v1::SegmentationService::service_full_name(), v1::LabelService::service_full_name(),
+          v1::SelectionService::service_full_name(), v1::RenderService::service_full_name(),
+          v1::EvaluationService::service_full_name(), ""},
+         /*blocks=*/false});
+  }
   return std::make_unique<HealthMonitor>(std::move(services), std::move(probes));
 }
 

@@ -54,6 +54,13 @@ std::string ProcessLine(const v1::ServerStatus& status) {
                          Gib(status.disk_free_bytes()));
 }
 
+// Returns a line of one of several devices: its job, and the models in its memory.
+std::string DeviceLine(const v1::ServerStatus::Device& device) {
+  return absl::StrFormat("%-8s %s; models in memory: %d, %.1f of %.1f GiB", device.id(),
+                         device.job().empty() ? "no job" : device.job(), device.num_models(),
+                         Gib(device.model_bytes()), Gib(device.model_limit_bytes()));
+}
+
 std::string QueryLine(const v1::ServerStatus& status) {
   return absl::StrFormat("%.1f queries/s, p50 %.1f ms, p99 %.1f ms", status.queries_per_second(),
                          Milliseconds(status.query_p50()), Milliseconds(status.query_p99()));
@@ -206,6 +213,12 @@ std::vector<std::string> TopLines(const TopSnapshot& snapshot, absl::Time now) {
   const v1::ListResidentModelsResponse& resident = snapshot.resident;
   std::vector<std::string> lines = {ServerLine(status, now), ProcessLine(status), QueryLine(status),
                                     ""};
+  if (status.devices_size() > 1) {
+    for (const v1::ServerStatus::Device& device : status.devices()) {
+      lines.push_back(DeviceLine(device));
+    }
+    lines.push_back("");
+  }
   for (const v1::ServerStatus::Pool& pool : status.pools()) lines.push_back(PoolLine(pool));
   lines.push_back("");
   lines.push_back(FindLine(status.find_sources()));

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "kernels/cuda/cuda_backend.h"
+#include "kernels/cuda_devices.h"
 
 // Host side of the CUDA backend: set-up, errors, copies, readbacks, recorded sequences and the
 // timing of kernels. Memory is in memory.cu. Threads, streams and graphs are described in
@@ -38,6 +39,7 @@ CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
 
 // Waits for the stream before anything that its work may use is destroyed.
 CudaBackend::~CudaBackend() {
+  cudaSetDevice(options_.device);  // this thread may have made another device current
   for (Buffer<std::byte>& temporary : temporary_) temporary = {};
   if (stream_ != nullptr) cudaStreamSynchronize(stream_);
   for (const KernelMark& mark : marks_) cudaEventDestroy(mark.event);
@@ -268,6 +270,13 @@ void CudaBackend::WaitFor(int64_t ticket) {
   const cudaError_t error = cudaEventSynchronize(event);
   const std::lock_guard lock(mutex_);
   Keep(error, "waiting for the device");
+}
+
+int NumCudaDevices() {
+  int num_devices = 0;
+  if (cudaGetDeviceCount(&num_devices) == cudaSuccess) return num_devices;
+  cudaGetLastError();
+  return 0;
 }
 
 std::unique_ptr<Backend> MakeCudaBackend(const CudaOptions& options, std::string* error) {

@@ -37,17 +37,18 @@ bool IsShortage(const absl::Status& status) {
 
 }  // namespace
 
-RunningJob::RunningJob(const Dependencies& deps, JobRecord job, JobFolder folder)
+RunningJob::RunningJob(const Dependencies& deps, JobRecord job, size_t device)
     : deps_(deps),
       job_(std::move(job)),
-      folder_(std::move(folder)),
+      device_(device),
+      folder_(deps.options.data_folder / "jobs" / job_.id),
       log_(folder_.events()),
       heartbeat_(folder_.heartbeat(job_.fence)) {}
 
 absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Dependencies& deps,
-                                                              const JobRecord& job) {
-  const JobFolder folder(deps.options.data_folder / "jobs" / job.id);
-  auto running = std::unique_ptr<RunningJob>(new RunningJob(deps, job, folder));
+                                                              const JobRecord& job, size_t device) {
+  auto running = std::unique_ptr<RunningJob>(new RunningJob(deps, job, device));
+  const JobFolder& folder = running->folder_;
   // WriteSpec reads the database, so it comes first: if it fails, no event has been written.
   RETURN_IF_ERROR(running->WriteSpec());
   RETURN_IF_ERROR(AppendState(folder, job));
@@ -72,19 +73,19 @@ absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Start(const Dependencies
     }
   }
   running->follows_live_ = true;
-  spdlog::info("jobs/{}: attempt {} is launched", job.id, job.fence);
+  spdlog::info("jobs/{}: attempt {} is launched on {}", job.id, job.fence,
+               deps.options.devices[device].id);
   return running;
 }
 
 absl::StatusOr<std::unique_ptr<RunningJob>> RunningJob::Adopt(const Dependencies& deps,
-                                                              const JobRecord& job) {
-  const JobFolder folder(deps.options.data_folder / "jobs" / job.id);
-  auto running = std::unique_ptr<RunningJob>(new RunningJob(deps, job, folder));
+                                                              const JobRecord& job, size_t device) {
+  auto running = std::unique_ptr<RunningJob>(new RunningJob(deps, job, device));
   // The folder, the spec and the RUNNING event are those of the holder before.
   ASSIGN_OR_RETURN(running->worker_, deps.launcher.Attach(job.launch));
   running->FollowLog();
   running->follows_live_ = true;
-  Touch(folder.lease(job.fence));
+  Touch(running->folder_.lease(job.fence));
   spdlog::info("jobs/{}: attempt {} goes on as {}", job.id, job.fence, job.launch);
   return running;
 }
@@ -93,8 +94,8 @@ absl::Status RunningJob::WriteSpec() const {
   JobSpec spec;
   spec.job = job_.id;
   spec.fence = job_.fence;
-  spec.device = deps_.options.device;
-  spec.num_threads = deps_.options.num_threads;
+  spec.device = deps_.options.devices[device_].id;
+  spec.num_threads = deps_.options.devices[device_].num_threads;
   spec.memory_limit = deps_.options.memory_limit;
   spec.checkpoint_seconds = deps_.options.launch.checkpoint_seconds;
   spec.traceparent = job_.traceparent;
@@ -125,7 +126,7 @@ WorkerCommand RunningJob::Command() const {
   command.job = job_.id;
   command.program = options.worker;
   command.log = folder_.worker_log();
-  command.needs = {options.num_threads, job_.host_bytes, job_.seconds};
+  command.needs = {options.devices[device_].num_threads, job_.host_bytes, job_.seconds};
   command.pass_environment = options.workers.pass_environment;
   command.arguments = {absl::StrCat("--job=", folder_.path().string()),
                        absl::StrCat("--fence=", job_.fence)};
@@ -183,6 +184,19 @@ void RunningJob::Terminate(absl::Duration grace) {
   if (!terminated_) worker_->Stop();
   terminated_ = true;
   if (now >= kill_at_) worker_->Kill();
+}
+
+bool RunningJob::MayBePutBack() const {
+  if (job_.preview || terminated_ || !worker_->launch().empty()) return false;
+  constexpr int kMostDoublings = 20;
+  const absl::Duration least = absl::Seconds(deps_.options.launch.checkpoint_seconds) *
+                               (int64_t{1} << std::min(job_.put_backs, kMostDoublings));
+  return absl::Now() - job_.start_time >= least && folder_.HasSaved(job_.fence);
+}
+
+void RunningJob::PutBack(absl::Duration grace) {
+  put_back_ = true;
+  Terminate(grace);
 }
 
 void RunningJob::Abandon() {
@@ -314,6 +328,7 @@ bool RunningJob::MayTryAgain() const {
 EndedAttempt RunningJob::DescribeAttempt() const {
   EndedAttempt attempt;
   attempt.progress = folder_.HasSaved(job_.fence);
+  if (put_back_) attempt.end = AttemptEnd::kPutBack;
   if (!crashed_ || lease_lost_) return attempt;
   attempt.end = AttemptEnd::kCrashed;
   const std::vector<absl::Duration>& pauses = deps_.options.launch.crash_pauses;
@@ -343,12 +358,29 @@ absl::Status RunningJob::WriteOutcome(const absl::Status& outcome, const JobResu
     ASSIGN_OR_RETURN(job_, store.jobs().GetJob(job_.id));
     // A worker that was stopped because the server stops goes back into the queue. RequeueJob ends
     // the job instead if its cancellation was requested.
-  } else if (MayTryAgain() || (requeue && absl::IsCancelled(outcome))) {
+  } else if (MayTryAgain() || ((requeue || put_back_) && absl::IsCancelled(outcome))) {
     ASSIGN_OR_RETURN(job_, store.queue().RequeueJob(job_.id, job_.fence, DescribeAttempt()));
   } else {
     ASSIGN_OR_RETURN(job_, store.queue().EndJob(job_.id, job_.fence, ClientStatus(outcome)));
   }
   return absl::OkStatus();
+}
+
+// Says in the events of a job that is queued again why.
+absl::Status RunningJob::WarnOfRetry(const absl::Status& outcome) const {
+  if (put_back_) {
+    return AppendWarning(
+        folder_, job_,
+        "the job is put back into the queue, because a preview waits for a device; "
+        "it will resume from its checkpoint");
+  }
+  if (!crashed_) return absl::OkStatus();
+  std::string warning(ClientStatus(outcome).message());
+  if (job_.not_before > absl::Now()) {
+    absl::StrAppend(&warning, "; it is tried again in ",
+                    absl::ToInt64Seconds(job_.not_before - absl::Now()) + 1, " s");
+  }
+  return AppendWarning(folder_, job_, warning);
 }
 
 // Removes what nothing needs after the job's end: checkpoints, frames, masks of SAM.
@@ -376,14 +408,7 @@ absl::Status RunningJob::Finish(bool requeue) {
   // After the outcome is in the store: until then a retry needs the checkpoints. The collector
   // removes what a kill leaves.
   if (IsTerminal(job_.state)) RemoveLeftovers();
-  if (job_.state == JobState::kQueued && crashed_) {
-    std::string warning(ClientStatus(outcome).message());
-    if (job_.not_before > absl::Now()) {
-      absl::StrAppend(&warning, "; it is tried again in ",
-                      absl::ToInt64Seconds(job_.not_before - absl::Now()) + 1, " s");
-    }
-    RETURN_IF_ERROR(AppendWarning(folder_, job_, warning));
-  }
+  if (job_.state == JobState::kQueued) RETURN_IF_ERROR(WarnOfRetry(outcome));
   std::error_code error;
   // Once the store has the job's end, its scene can be deleted, and this folder with it.
   if (!std::filesystem::exists(folder_.path(), error)) return absl::OkStatus();

@@ -12,6 +12,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "pepeseg/v1/job_service.pb.h"
+#include "server/jobs/job_devices.h"
 #include "server/jobs/launcher.h"
 #include "server/store/store.h"
 #include "server/worker_protocol/event_log.h"
@@ -55,15 +56,17 @@ class RunningJob {
     const SupervisorOptions& options;
     Launcher& launcher;
   };
-  // Writes the spec of a claimed job and launches its worker. On an error the job is still RUNNING
-  // in the store.
+  // Writes the spec of a claimed job and launches its worker on SupervisorOptions::devices[device].
+  // On an error the job is still RUNNING in the store.
   static absl::StatusOr<std::unique_ptr<RunningJob>> Start(const Dependencies& deps,
-                                                           const JobRecord& job);
-  // Follows the worker that job.launch names, which another server has launched.
+                                                           const JobRecord& job, size_t device);
+  // Follows the worker that job.launch names, which another server has launched. The job takes
+  // `device`, which may be SupervisorOptions::devices.size(): none of them.
   static absl::StatusOr<std::unique_ptr<RunningJob>> Adopt(const Dependencies& deps,
-                                                           const JobRecord& job);
+                                                           const JobRecord& job, size_t device);
 
   const JobRecord& job() const { return job_; }
+  size_t device() const { return device_; }
   const std::optional<v1::JobProgress>& progress() const { return progress_; }
   int64_t sequence() const { return sequence_; }
 
@@ -79,6 +82,15 @@ class RunningJob {
   // Stops the worker at the first call; kills it at the first call after the shortest grace of all
   // calls has passed.
   void Terminate(absl::Duration grace);
+  // Returns whether PutBack() may be called: the job is not a preview, runs on this machine, has
+  // saved a checkpoint in this attempt, and the attempt has run for checkpoint_seconds, twice as
+  // long after each time that the job was put back. So a job that previews interrupt again and
+  // again still ends.
+  bool MayBePutBack() const;
+  // Stops the worker as Terminate() does. Finish() then queues the job again, and its events say
+  // why.
+  void PutBack(absl::Duration grace);
+  bool put_back() const { return put_back_; }
   // Called when another server has taken the job over. Kills the worker if it ends with this
   // server; writes nothing.
   void Abandon();
@@ -88,15 +100,15 @@ class RunningJob {
   bool Ended();
   // Writes the outcome of a worker that has ended: first to the store, then as the log's last
   // event. A job whose worker crashed is queued again, with a pause, unless it was the third crash
-  // in a row without progress. `requeue`: a job that Terminate() has stopped is queued again, too,
-  // instead of CANCELLED. May be called again after an error. ABORTED: another server has taken the
-  // job over.
+  // in a row without progress, and so is one that PutBack() has stopped. `requeue`: a job that
+  // Terminate() has stopped is queued again, too, instead of CANCELLED. May be called again after
+  // an error. ABORTED: another server has taken the job over.
   absl::Status Finish(bool requeue);
   // Returns the pause between calls of Finish() that fail.
   RetryPause& end_pause() { return end_pause_; }
 
  private:
-  RunningJob(const Dependencies& deps, JobRecord job, JobFolder folder);
+  RunningJob(const Dependencies& deps, JobRecord job, size_t device);
   absl::Duration HeartbeatTimeout() const;
   absl::Status WriteSpec() const;
   WorkerCommand Command() const;
@@ -111,10 +123,12 @@ class RunningJob {
   absl::Status OutcomeOfCheck(const JobResult& result) const;
   absl::Status WriteOutcome(const absl::Status& outcome, const JobResult& result, bool requeue);
   absl::Status CommitModel(const JobResult& result);
+  absl::Status WarnOfRetry(const absl::Status& outcome) const;
   void RemoveLeftovers() const;
 
   Dependencies deps_;
   JobRecord job_;
+  const size_t device_;
   JobFolder folder_;
   EventLogReader log_;
   HeartbeatWatch heartbeat_;
@@ -124,6 +138,7 @@ class RunningJob {
   bool follows_live_ = false;  // events already in the log at the start are not forwarded
   int64_t sequence_ = 0;
   bool terminated_ = false;
+  bool put_back_ = false;
   bool crashed_ = false;     // the worker was killed, stopped from outside, or left no result
   bool timed_out_ = false;   // KillIfTimedOut() has killed the worker
   bool lease_lost_ = false;  // the worker ended because its lease was not renewed

@@ -16,6 +16,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/jobs/job_devices.h"
 #include "server/jobs/job_feed.h"
 #include "server/jobs/launcher.h"
 #include "server/jobs/running_job.h"
@@ -36,10 +37,8 @@ struct SupervisorOptions {
   // block. May be empty: then nothing is set aside.
   std::function<std::shared_future<int>(const std::string& project, std::vector<DatasetFileRecord>)>
       check_files;
-  WorkerOptions workers;       // copied into each job's spec
-  std::string device = "cpu";  // Device::id of the device that workers open
-  std::string device_name;     // Backend::name() of that device, stored with each job
-  int num_threads = 0;         // CPU threads of one job; 0: one per core
+  WorkerOptions workers;                           // copied into each job's spec
+  std::vector<JobDevice> devices = {JobDevice{}};  // each takes one job at a time; not empty
   // Maximum host memory of a worker, bytes. 0: all memory of its machine or control group.
   int64_t memory_limit = 0;
   LaunchOptions launch;
@@ -49,12 +48,16 @@ struct SupervisorOptions {
   absl::Duration cancel_grace = absl::Seconds(10);  // time from SIGTERM to SIGKILL
 };
 
-// Takes queued jobs, one at a time, runs each in a worker process, and follows it to its end: the
-// model is committed, or the job FAILED with the reason. A worker that crashes is restarted after a
-// pause, and resumes from its checkpoints. The third crash in a row without progress makes the job
-// FAIL, and so does the hundredth end of a server during it in a row without progress. A stop on
-// request counts as neither. A worker's crash never ends the server; the server's end also
-// ends its workers, unless they run on a cluster.
+// Takes queued jobs, one for each device that is free, runs each in a worker process, and follows
+// it to its end: the model is committed, or the job FAILED with the reason. A worker that crashes
+// is restarted after a pause, and resumes from its checkpoints. The third crash in a row without
+// progress makes the job FAIL, and so does the hundredth end of a server during it in a row without
+// progress. A stop on request counts as neither. A worker's crash never ends the server; the
+// server's end also ends its workers, unless they run on a cluster.
+//
+// When a preview waits and no device is free, one running job is stopped, saves a checkpoint and is
+// queued again (RunningJob::MayBePutBack says which may be). The device that it leaves takes
+// previews only, as long as one waits. The job itself is the next to be claimed.
 //
 // On a shared database a server holds a job by a lease, which it renews while it runs. Another
 // server takes the job over when the lease has expired.
@@ -75,7 +78,7 @@ class Supervisor {
   static absl::StatusOr<std::unique_ptr<Supervisor>> Start(Store& store, SupervisorOptions options);
   ~Supervisor();  // like Stop() with a deadline that has passed
 
-  // Creates a job as JobStore::CreateJob does. It starts as soon as no other job runs here.
+  // Creates a job as JobStore::CreateJob does. It starts as soon as a device is free.
   absl::StatusOr<JobRecord> Submit(const JobRecord& job);
   // Cancels a queued job at once. A running job's worker is asked to stop: the record returned is
   // still RUNNING.
@@ -104,6 +107,9 @@ class Supervisor {
   // job waits for its start, as far as the caller knows. Does not block.
   absl::Status FindObstacle(const std::string& job, bool queued) const;
 
+  // Returns what runs on each of SupervisorOptions::devices. Does not block.
+  std::vector<DeviceUse::Use> device_use() const { return device_use_.Get(); }
+
   // Calls `changed` on the supervisor's thread when a job may have new events, until the watch is
   // destroyed; at least once after the last event. `changed` must not block or call the supervisor.
   // AddWatch does not block. `changed` is not running once the watch's destructor has returned.
@@ -124,10 +130,16 @@ class Supervisor {
   void SetClaiming(bool claim);
   void Run();
   absl::Status RecoverJob(JobRecord job);
-  bool MayStart() const;
+  // Parts of a claim (supervisor_claims.cc).
+  bool MayClaim() const;
+  std::optional<size_t> FindFreeDevice(const std::string& name = "") const;
   void Claim();
+  void ClaimWhileFree();
   void StartHeld();
-  void StartJob(const JobRecord& job);
+  void StartJob(const JobRecord& job, size_t device);
+  void MakeRoomForPreview();
+  RunningJob* FindVictim() const;
+  void PublishDevices();
   void EndUnstarted(const JobRecord& job, const absl::Status& error);
   void PauseClaims(const std::string& job, const absl::Status& error);
   void KeepLeases();
@@ -144,12 +156,17 @@ class Supervisor {
   Store& store_;
   const SupervisorOptions options_;
   JobFeed feed_;
+  DeviceUse device_use_;
   const std::unique_ptr<Launcher> launcher_;
   // Used by the thread only, and by Recover() before it starts.
   std::list<std::unique_ptr<RunningJob>> running_;
   // Whether the database may say that this server holds jobs that it does not run: the answer to a
   // claim was lost, or a start failed. No job is claimed until StartHeld() has asked.
   bool unsure_ = false;
+  // Device that a job has left for a preview, and that takes previews only.
+  std::optional<size_t> kept_for_preview_;
+  std::string waiting_preview_;  // preview that waited at the last look; empty: none
+  absl::Time next_preview_look_ = absl::InfinitePast();
   RetryPause claim_pause_;  // between claims or starts that fail
   RetryPause lease_log_;    // between log lines about leases that are not renewed
   absl::Time next_look_ = absl::InfinitePast();     // when to look at the leases again

@@ -12,8 +12,6 @@
 namespace pepeseg {
 namespace {
 
-// Maximum number of jobs that run at a time.
-constexpr size_t kMaxRunningJobs = 1;
 // Interval of looking at workers and their logs.
 constexpr absl::Duration kLookAtWorkers = absl::Milliseconds(50);
 // A job fails when servers have ended during this many attempts in a row that made no progress.
@@ -29,7 +27,10 @@ std::unique_ptr<Launcher> MakeLauncher(const SupervisorOptions& options) {
 }  // namespace
 
 Supervisor::Supervisor(Store& store, SupervisorOptions options)
-    : store_(store), options_(std::move(options)), launcher_(MakeLauncher(options_)) {}
+    : store_(store),
+      options_(std::move(options)),
+      device_use_(options_.devices.size()),
+      launcher_(MakeLauncher(options_)) {}
 
 JobFolder Supervisor::FolderOf(const std::string& job) const {
   return JobFolder(options_.data_folder / "jobs" / job);
@@ -50,7 +51,8 @@ absl::Status Supervisor::Recover() {
 // Recovers a job that this server has taken over.
 absl::Status Supervisor::RecoverJob(JobRecord job) {
   if (!job.launch.empty()) {
-    auto adopted = RunningJob::Adopt({store_, options_, *launcher_}, job);
+    auto adopted = RunningJob::Adopt({store_, options_, *launcher_}, job,
+                                     FindFreeDevice(job.device).value_or(options_.devices.size()));
     if (adopted.ok()) {
       Publish(**adopted);
       running_.push_back(*std::move(adopted));
@@ -117,6 +119,7 @@ void Supervisor::Run() {
     ApplyCancels();
     FinishJobs(/*requeue=*/false);
     Claim();
+    PublishDevices();
   } while (WaitForWork());
   EndAll();
 }
@@ -186,6 +189,7 @@ void Supervisor::FinishJobs(bool requeue) {
       if (pause.num_failures() > 1) feed_.SetObstacle(job, finished);
       continue;
     }
+    if ((*running)->put_back()) kept_for_preview_ = (*running)->device();
     pauses_end_ = std::max(pauses_end_, (*running)->job().not_before);
     // Watchers are notified after the job has left `running_` and the feed, so that they read its
     // final state from the store.
@@ -197,96 +201,6 @@ void Supervisor::FinishJobs(bool requeue) {
     }
     feed_.Notify(job);
   }
-}
-
-// Whether another job may start: claims are on, and fewer than kMaxRunningJobs run.
-bool Supervisor::MayStart() const {
-  const std::lock_guard lock(mutex_);
-  return claiming_ && !stopping_ && running_.size() < kMaxRunningJobs;
-}
-
-// Pauses claims after `error` has stopped the start of `job`, or a claim if `job` is empty. Reports
-// the obstacle from the second failure in a row on: most errors are over by then.
-void Supervisor::PauseClaims(const std::string& job, const absl::Status& error) {
-  unsure_ = true;
-  claim_pause_.Fail();
-  if (claim_pause_.num_failures() > 1) feed_.SetObstacle(job, error);
-}
-
-// Claims queued jobs and starts them while more may start.
-void Supervisor::Claim() {
-  if (!claim_pause_.Over()) return;
-  // Before the next claim: after an error this server does not know which jobs it holds.
-  if (unsure_ && MayStart()) StartHeld();
-  while (!unsure_ && MayStart()) {
-    const absl::StatusOr<std::optional<JobRecord>> job =
-        store_.queue().ClaimJob(options_.device_name);
-    if (!job.ok()) {
-      spdlog::error("claiming a job: {}", job.status().ToString());
-      PauseClaims("", job.status());
-      return;
-    }
-    claim_pause_.Succeed();
-    feed_.ClearObstacle("");
-    if (!job->has_value()) return;
-    StartJob(**job);
-  }
-}
-
-// Starts the jobs that this server holds by the database but does not run: the answer to its claim
-// was lost, or the database was unreachable when they were to start.
-void Supervisor::StartHeld() {
-  const absl::StatusOr<std::vector<JobRecord>> held = store_.queue().ListHeldJobs();
-  if (!held.ok()) {
-    spdlog::error("asking for the jobs of this server: {}", held.status().ToString());
-    PauseClaims("", held.status());
-    return;
-  }
-  unsure_ = false;
-  next_renewal_ = absl::InfinitePast();  // their leases may be old
-  feed_.KeepObstaclesOf(*held);
-  for (const JobRecord& job : *held) {
-    const bool runs = std::any_of(running_.begin(), running_.end(),
-                                  [&](const auto& running) { return running->job().id == job.id; });
-    if (!runs) StartJob(job);
-  }
-}
-
-// Starts a claimed job, or follows its worker if a cluster runs it already.
-void Supervisor::StartJob(const JobRecord& job) {
-  const RunningJob::Dependencies context{store_, options_, *launcher_};
-  absl::StatusOr<std::unique_ptr<RunningJob>> started =
-      job.launch.empty() ? RunningJob::Start(context, job) : RunningJob::Adopt(context, job);
-  if (started.ok()) {
-    if (job.cancel_requested) (*started)->Terminate(options_.cancel_grace);
-    Publish(**started);
-    feed_.ClearObstacle("");
-    feed_.ClearObstacle(job.id);
-    running_.push_back(std::move(started).value());
-    // StartHeld tries again: the job stays RUNNING and held by this server.
-  } else if (absl::IsUnavailable(started.status())) {
-    // The job has not failed.
-    spdlog::error("jobs/{}: does not start yet: {}", job.id, started.status().ToString());
-    PauseClaims(job.id, started.status());
-  } else {
-    EndUnstarted(job, started.status());
-  }
-  feed_.Notify(job.id);
-}
-
-// Writes the end of a job that cannot be started.
-void Supervisor::EndUnstarted(const JobRecord& job, const absl::Status& error) {
-  spdlog::error("jobs/{}: did not start: {}", job.id, error.ToString());
-  const absl::StatusOr<JobRecord> ended =
-      store_.queue().EndJob(job.id, job.fence, ClientStatus(error));
-  if (!ended.ok()) {
-    // It is tried again, unless the end was written and only the answer was lost.
-    PauseClaims(job.id, ended.status());
-    return;
-  }
-  // The store has the end; WatchJob reports it from there if the event is missing.
-  AppendState(FolderOf(job.id), *ended).IgnoreError();
-  feed_.ClearObstacle(job.id);
 }
 
 // Renews the leases of running jobs, on a shared database only. Other servers may claim jobs whose

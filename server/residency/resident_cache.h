@@ -61,6 +61,11 @@ class ResidentCache {
   // An error of the source is returned to all callers who waited for this load; the next call tries
   // again.
   absl::StatusOr<Handle> Acquire(const std::string& key, const Source& source);
+  // Returns whether the value of a key is resident or being loaded.
+  bool Holds(const std::string& key) const {
+    const std::lock_guard lock(state_->mutex);
+    return entries_.contains(key);
+  }
   // Reserves `need` for something that is not a value, in the way in which Acquire reserves memory
   // for a value, with the same errors.
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(const MemoryBytes& need,

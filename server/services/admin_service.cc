@@ -15,8 +15,10 @@
 namespace pepeseg {
 namespace {
 
-v1::ResidentModel Describe(const ModelCache::Info& info, const SceneModel& resident) {
+v1::ResidentModel Describe(const ModelDevice& device, const ModelCache::Info& info,
+                           const SceneModel& resident) {
   v1::ResidentModel model;
+  model.set_device(device.id);
   model.set_name(info.name);
   model.set_host_bytes(info.bytes.host);
   model.set_device_bytes(info.bytes.device);
@@ -28,14 +30,15 @@ v1::ResidentModel Describe(const ModelCache::Info& info, const SceneModel& resid
   return model;
 }
 
-void FillDescription(const ModelCache& models, const SceneChild& model,
+void FillDescription(const ModelDevices& models, const SceneChild& model,
                      v1::ResidentModel* response) {
   response->set_name(ChildName(model.scene, "models", model.number));
-  models.Visit([&](const ModelCache::Info& info, const SceneModel& resident) {
-    // Not found: the model was evicted just now, and the answer has its name only.
-    const bool found = info.name == response->name() && info.owner == model.scene.project;
-    if (found) *response = Describe(info, resident);
-  });
+  models.Visit(
+      [&](const ModelDevice& device, const ModelCache::Info& info, const SceneModel& resident) {
+        // Not found: the model was evicted just now, and the answer has its name only.
+        const bool found = info.name == response->name() && info.owner == model.scene.project;
+        if (found) *response = Describe(device, info, resident);
+      });
 }
 
 // Puts the project before the names of models that have the same name.
@@ -49,9 +52,24 @@ void TellApart(const std::vector<std::string>& projects, v1::ListResidentModelsR
   }
 }
 
-void SetUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
-  use->set_reserved_bytes(reserved);
-  use->set_limit_bytes(limit);
+void AddUse(int64_t reserved, int64_t limit, v1::MemoryUse* use) {
+  use->set_reserved_bytes(use->reserved_bytes() + reserved);
+  use->set_limit_bytes(use->limit_bytes() + limit);
+}
+
+// Adds the memory and the counts of a device's models to the sums of all.
+void AddDevice(const ModelDevice& device, v1::ListResidentModelsResponse* response) {
+  const ModelCache& models = *device.cache;
+  const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
+  AddUse(used.host, limit.host, response->mutable_host());
+  if (!models.budget().one_memory()) {
+    AddUse(used.device, limit.device, response->mutable_device());
+  }
+  const auto in_use = static_cast<int64_t>(device.backend.bytes_in_use());
+  response->set_device_bytes_in_use(response->device_bytes_in_use() + in_use);
+  const ModelCache::Counts counts = models.counts();
+  response->set_num_loads(response->num_loads() + counts.num_loads);
+  response->set_num_evictions(response->num_evictions() + counts.num_evictions);
 }
 
 }  // namespace
@@ -74,7 +92,7 @@ absl::Status AdminServiceRpc::LoadModel(const UnaryCall& /*call*/,
   ASSIGN_OR_RETURN(const NamedScenes scenes,
                    ResolveOperatorsName(models_.store(), request.name(), "name"));
   ASSIGN_OR_RETURN(const ResidentModel model, models_.Load(scenes, request.name(), "name"));
-  FillDescription(models_.cache(), model.id, response);
+  FillDescription(models_.devices(), model.id, response);
   response->set_queries_in_flight(response->queries_in_flight() - 1);  // this call is not a query
   return absl::OkStatus();
 }
@@ -99,11 +117,11 @@ absl::Status AdminServiceRpc::UnpinModel(const UnaryCall& /*call*/,
 
 absl::Status AdminServiceRpc::SetPinned(const ModelRecord& record, bool pinned,
                                         v1::ResidentModel* response) const {
-  const absl::Status status = models_.cache().SetPinned(ResidentKey(record), pinned);
+  const absl::Status status = models_.devices().SetPinned(ResidentKey(record), pinned);
   if (!status.ok()) {
     return WithResource(status, "NOT_RESIDENT", ChildName(record.scene, "models", record.number));
   }
-  FillDescription(models_.cache(), {record.scene, record.number}, response);
+  FillDescription(models_.devices(), {record.scene, record.number}, response);
   return absl::OkStatus();
 }
 
@@ -112,7 +130,7 @@ absl::Status AdminServiceRpc::UnloadModel(const UnaryCall& /*call*/,
                                           google::protobuf::Empty* /*response*/) const {
   ASSIGN_OR_RETURN(const ModelRecord record, FindNamed(request.name()));
   const std::string name = ChildName(record.scene, "models", record.number);
-  const absl::Status status = models_.cache().Unload(ResidentKey(record));
+  const absl::Status status = models_.devices().Unload(ResidentKey(record));
   if (status.ok()) return absl::OkStatus();
   // NOT_FOUND: not in memory. Any other error: the model is pinned.
   const absl::Status named(status.code(), absl::StrCat(name, ": ", status.message()));
@@ -127,21 +145,14 @@ absl::Status AdminServiceRpc::SetDraining(bool draining, v1::ServerStatus* respo
 absl::Status AdminServiceRpc::ListResidentModels(const UnaryCall& /*call*/,
                                                  const v1::ListResidentModelsRequest& /*request*/,
                                                  v1::ListResidentModelsResponse* response) const {
-  const ModelCache& models = models_.cache();
   std::vector<std::string> projects;
-  models.Visit([&](const ModelCache::Info& info, const SceneModel& resident) {
-    *response->add_models() = Describe(info, resident);
-    projects.push_back(info.owner);
-  });
+  models_.devices().Visit(
+      [&](const ModelDevice& device, const ModelCache::Info& info, const SceneModel& resident) {
+        *response->add_models() = Describe(device, info, resident);
+        projects.push_back(info.owner);
+      });
   TellApart(projects, response);
-  const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
-  SetUse(used.host, limit.host, response->mutable_host());
-  if (!models.budget().one_memory()) {
-    SetUse(used.device, limit.device, response->mutable_device());
-  }
-  response->set_device_bytes_in_use(static_cast<int64_t>(models_.backend().bytes_in_use()));
-  response->set_num_loads(models.counts().num_loads);
-  response->set_num_evictions(models.counts().num_evictions);
+  for (const ModelDevice& device : models_.devices().all()) AddDevice(device, response);
   return absl::OkStatus();
 }
 

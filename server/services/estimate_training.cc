@@ -16,6 +16,7 @@
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/services/file_header.h"
+#include "server/worker_protocol/device.h"
 #include "server/worker_protocol/job_stage.h"
 
 namespace pepeseg {
@@ -99,7 +100,8 @@ struct Measured {
   Metrics metrics;
 };
 
-// Returns the newest such training of the dataset on this device with the same import options.
+// Returns the newest such training of the dataset on a device of this kind with the same import
+// options.
 absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::string& device,
                                                      const WantedTraining& training) {
   // The import options decide which files count, and the size of the images. Other options may
@@ -108,7 +110,7 @@ absl::StatusOr<std::optional<Measured>> FindMeasured(Store& store, const std::st
   // The first page: the newest 50 models. An older measurement is not worth more reads.
   ASSIGN_OR_RETURN(const Page<ModelRecord> models, store.models().ListModels(training.scene, {}));
   for (const ModelRecord& model : models.records) {
-    if (model.device != device) continue;
+    if (KindOfDevice(model.device) != KindOfDevice(device)) continue;
     const auto job = store.jobs().GetJob(model.job);
     if (!job.ok() || job->dataset != training.dataset) continue;
     Metrics metrics = ParseMetrics(model.metrics);

@@ -60,6 +60,7 @@ absl::StatusOr<JobRecord> JobFromRequest(const v1::TrainSceneRequest& request,
   job.options = StableBytes(request.options());
   job.effective_options = StableBytes(ToProto(wanted.settings));
   job.request_id = request.request_id();
+  job.preview = wanted.settings.preset == Preset::kPreview;
   return job;
 }
 

@@ -43,7 +43,7 @@ bool IsWorkersFault(const absl::Status& status) {
 
 // Returns whether models leave no room for another one. A private error is of files or the
 // database.
-bool IsNoRoom(const absl::Status& status) {
+bool LacksRoom(const absl::Status& status) {
   return !IsPrivate(status) && (absl::IsResourceExhausted(status) || absl::IsUnavailable(status));
 }
 
@@ -148,10 +148,10 @@ absl::StatusOr<ResidentModel> JobSnapshots::LoadNewest(const JobRecord& job) {
     return NoSnapshotError(job);
   }
   auto loaded = LoadFile(job, *newest, older ? &*older : nullptr, *entry);
-  if (older && IsNoRoom(loaded.status())) {
+  if (older && LacksRoom(loaded.status())) {
     // There is no room for two: the older one goes first.
     older.reset();
-    models_.cache().Drop(entry->key);
+    models_.devices().Drop(entry->key);
     loaded = LoadFile(job, *newest, nullptr, *entry);
   }
   if (loaded.ok()) return loaded;
@@ -180,7 +180,8 @@ absl::StatusOr<ResidentModel> JobSnapshots::LoadFile(const JobRecord& job,
   loadable.project = job.scene.project;
   loadable.shape = [&]() -> absl::StatusOr<ModelShape> {
     if (older != nullptr) return ShapeOf((*older)->model());
-    RETURN_IF_ERROR(copied.Copy(folder, stamp.fence, MaxBytes()));
+    // Already there if another device had no room.
+    if (copied.path().empty()) RETURN_IF_ERROR(copied.Copy(folder, stamp.fence, MaxBytes()));
     return ReadModelShape(copied.path());
   };
   loadable.read = [&]() -> absl::StatusOr<Model> {
@@ -202,7 +203,7 @@ absl::StatusOr<ResidentModel> JobSnapshots::LoadFile(const JobRecord& job,
     entry.snapshot = snapshot;
     entry.stamp = stamp;
   }
-  if (!replaced.empty() && replaced != entry.key) models_.cache().Drop(replaced);
+  if (!replaced.empty() && replaced != entry.key) models_.devices().Drop(replaced);
   return ResidentModel{loadable.name, std::move(loaded), {job.scene, 0}, std::move(snapshot)};
 }
 
@@ -236,7 +237,7 @@ void JobSnapshots::Forget(const std::string& job) {
     found->second->ended = true;
     entries_.erase(found);
   }
-  if (!key.empty()) models_.cache().Drop(key);
+  if (!key.empty()) models_.devices().Drop(key);
 }
 
 // A job that runs at another server may end unnoticed.
@@ -257,6 +258,8 @@ JobFolder JobSnapshots::FolderOf(const std::string& job) const {
 }
 
 // A file with more bytes does not fit into memory as a part of a model.
-int64_t JobSnapshots::MaxBytes() const { return models_.cache().budget().usable().host; }
+int64_t JobSnapshots::MaxBytes() const {
+  return models_.devices().all().front().cache->budget().usable().host;
+}
 
 }  // namespace pepeseg

@@ -1,5 +1,6 @@
 #include "server/services/model_loader.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -17,9 +18,18 @@ namespace {
 // Time after which a client should retry: most queries under way have ended by then.
 constexpr absl::Duration kRetryAfter = absl::Seconds(1);
 
-// Adds the bytes needed and available to the detail of `status`.
-absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
-                       const MemoryBudget& budget) {
+}  // namespace
+
+absl::Status ModelLoader::WithBytes(const absl::Status& status, const MemoryBytes& need) const {
+  const MemoryBudget* largest = nullptr;
+  const auto size = [](const MemoryBudget& budget) {
+    return budget.one_memory() ? budget.usable().host : budget.usable().device;
+  };
+  for (const ModelDevice& device : devices_.all()) {
+    const MemoryBudget& budget = device.cache->budget();
+    if (largest == nullptr || size(budget) > size(*largest)) largest = &budget;
+  }
+  const MemoryBudget& budget = *largest;
   const auto words = [&](const MemoryBytes& bytes) {
     return absl::StrCat(
         bytes.host, " bytes on the host",
@@ -35,15 +45,16 @@ absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need,
   return WithDetail(status, detail);
 }
 
-}  // namespace
-
-absl::StatusOr<ModelCache::Share> ModelLoader::ShareOf(const std::string& project) const {
-  ModelCache::Share share;
+absl::StatusOr<MemoryShare> ModelLoader::ShareOf(const std::string& project,
+                                                 const ModelDevice& device) const {
+  MemoryShare share;
   share.owner = project;
   ASSIGN_OR_RETURN(const Quota quota, deps_.quotas.Get(share.owner));
-  share.limit = quota.resident_bytes;
-  share.error = [limit = share.limit](int64_t need) {
-    return QuotaError("resident_bytes", need, limit);
+  if (quota.resident_bytes <= 0) return share;
+  const int64_t elsewhere = devices_.BytesOf(project, &device);
+  share.limit = std::max<int64_t>(1, quota.resident_bytes - elsewhere);
+  share.error = [limit = quota.resident_bytes, elsewhere](int64_t need) {
+    return QuotaError("resident_bytes", need + elsewhere, limit);
   };
   return share;
 }
@@ -102,28 +113,28 @@ absl::StatusOr<ResidentModel> ModelLoader::Load(const SceneChild& model) {
 
 absl::StatusOr<ModelCache::Handle> ModelLoader::Load(const LoadableModel& model) {
   MemoryBytes need;
-  ModelCache::Source source;
-  source.name = model.name;
-  source.owner = model.project;
-  source.need = [&]() -> absl::StatusOr<MemoryBytes> {
-    ASSIGN_OR_RETURN(const ModelShape shape, model.shape());
-    need = BytesOfModel(deps_.backend, shape);
-    return need;
+  // The callbacks of a source run before Acquire returns, and only if the model is not in memory: a
+  // hit costs no read of the disk or of the quota.
+  const auto source_on = [&](const ModelDevice& device) {
+    ModelCache::Source source;
+    source.name = model.name;
+    source.owner = model.project;
+    source.need = [&]() -> absl::StatusOr<MemoryBytes> {
+      ASSIGN_OR_RETURN(const ModelShape shape, model.shape());
+      need = BytesOfModel(device.backend, shape);
+      return need;
+    };
+    source.load = [&]() -> absl::StatusOr<std::unique_ptr<SceneModel>> {
+      ASSIGN_OR_RETURN(Model read, model.read());
+      return SceneModel::Create(device.backend, std::move(read), &map_counts_);
+    };
+    source.share = [&] { return ShareOf(model.project, device); };
+    return source;
   };
-  source.load = [&]() -> absl::StatusOr<std::unique_ptr<SceneModel>> {
-    ASSIGN_OR_RETURN(Model read, model.read());
-    return SceneModel::Create(deps_.backend, std::move(read), &map_counts_);
-  };
-  // The callbacks run before Acquire returns, and only if the model is not in memory: a hit costs
-  // no read of the disk or of the quota.
-  source.share = [&] { return ShareOf(model.project); };
-  auto loaded = cache_->Acquire(model.key, source);
-  // An UNAVAILABLE of the database is private and says nothing about memory.
-  const bool no_room = absl::IsResourceExhausted(loaded.status()) ||
-                       (absl::IsUnavailable(loaded.status()) && !IsPrivate(loaded.status()));
-  if (no_room) {
+  auto loaded = devices_.Acquire(model.key, source_on);
+  if (IsNoRoom(loaded.status())) {
     // The error of a quota has a detail of its own, which WithBytes keeps.
-    return WithBytes(WithPrefix(source.name + ": ", loaded.status()), need, cache_->budget());
+    return WithBytes(WithPrefix(model.name + ": ", loaded.status()), need);
   }
   return loaded;
 }
@@ -138,22 +149,15 @@ absl::StatusOr<ResidentModel> ModelLoader::LoadWithFeatures(const NamedScenes& s
 
 absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeAnswerMemory(
     const std::string& project, int64_t bytes) {
-  ASSIGN_OR_RETURN(const ModelCache::Share share, ShareOf(project));
-  return TakeMemory(share, {bytes, 0});
+  auto taken = devices_.TakeMemory(
+      {bytes, 0}, [&](const ModelDevice& device) { return ShareOf(project, device); });
+  return IsNoRoom(taken.status()) ? WithBytes(taken.status(), {bytes, 0}) : std::move(taken);
 }
 
 absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeServerMemory(
     const MemoryBytes& bytes) {
-  return TakeMemory({}, bytes);
-}
-
-absl::StatusOr<std::unique_ptr<ReservedMemory>> ModelLoader::TakeMemory(
-    const ModelCache::Share& share, const MemoryBytes& need) {
-  auto taken = cache_->TakeMemory(need, share);
-  if (!absl::IsResourceExhausted(taken.status()) && !absl::IsUnavailable(taken.status())) {
-    return taken;
-  }
-  return WithBytes(taken.status(), need, cache_->budget());
+  auto taken = devices_.TakeMemory(bytes, [](const ModelDevice&) { return MemoryShare(); });
+  return IsNoRoom(taken.status()) ? WithBytes(taken.status(), bytes) : std::move(taken);
 }
 
 absl::Status CheckFeatures(const ResidentModel& model) {

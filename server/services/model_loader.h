@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -15,12 +16,10 @@
 #include "server/access/project_quotas.h"
 #include "server/api/resource_name.h"
 #include "server/residency/memory_budget.h"
-#include "server/residency/resident_cache.h"
+#include "server/services/model_devices.h"
 #include "server/store/store.h"
 
 namespace pepeseg {
-
-using ModelCache = ResidentCache<SceneModel>;
 
 // A model in memory; it stays there for as long as `loaded` is held. `snapshot`: it is the state of
 // a job that still trains it; then `name` is the job's, and id.number is 0.
@@ -41,7 +40,8 @@ void SetModel(const ResidentModel& model, Response* response) {
   if (model.snapshot) *response->mutable_snapshot() = *model.snapshot;
 }
 
-// A model that may not be in memory yet. The functions are called only if it is not.
+// A model that may not be in memory yet. The functions are called only if it is not, once for each
+// device that is tried.
 struct LoadableModel {
   std::string key;      // in the cache
   std::string name;     // for clients
@@ -65,10 +65,10 @@ class ModelLoader {
     std::filesystem::path data_folder;
     Store& store;
     ProjectQuotas& quotas;
-    Backend& backend;
   };
-  ModelLoader(const Dependencies& deps, std::unique_ptr<ModelCache> cache)
-      : deps_(deps), cache_(std::move(cache)) {}
+  // The backends of `devices`, of which there is at least one, must outlive the loader, too.
+  ModelLoader(const Dependencies& deps, std::vector<ModelDevice> devices)
+      : deps_(deps), devices_(std::move(devices)) {}
 
   // Returns the record of a model, where the name ".../models/live" means the live one.
   // FAILED_PRECONDITION: the scene has no model yet; the detail names the scene's active job.
@@ -78,7 +78,7 @@ class ModelLoader {
 
   // Returns a model in memory, and loads it if necessary, which takes long. UNAVAILABLE with the
   // bytes needed and available, and a time to retry: models in use leave no room for now.
-  // RESOURCE_EXHAUSTED: the model cannot fit.
+  // RESOURCE_EXHAUSTED: the model cannot fit on any device.
   absl::StatusOr<ResidentModel> Load(const SceneChild& model);
   absl::StatusOr<ResidentModel> Load(const NamedScenes& scenes, const std::string& name,
                                      const std::string& field);
@@ -94,27 +94,27 @@ class ModelLoader {
   // and the project's share of its models. RESOURCE_EXHAUSTED or UNAVAILABLE: there is no room.
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeAnswerMemory(const std::string& project,
                                                                    int64_t bytes);
-  // Reserves memory of host and device for something that serves all projects, out of the budget
-  // only. Errors are those of TakeAnswerMemory.
+  // Reserves memory of host and first device for something that serves all projects, out of the
+  // budget only. Errors are those of TakeAnswerMemory.
   absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeServerMemory(const MemoryBytes& bytes);
 
   Store& store() const { return deps_.store; }
-  ModelCache& cache() const { return *cache_; }
-  Backend& backend() const { return deps_.backend; }
+  ModelDevices& devices() { return devices_; }
+  const ModelDevices& devices() const { return devices_; }
   const std::filesystem::path& data_folder() const { return deps_.data_folder; }
   // How often feature maps were rendered and found, over all models.
   const MapCounts& map_counts() const { return map_counts_; }
 
  private:
-  absl::StatusOr<std::unique_ptr<ReservedMemory>> TakeMemory(const ModelCache::Share& share,
-                                                             const MemoryBytes& need);
   absl::StatusOr<ModelRecord> FindLive(const SceneRef& scene) const;
-  // Returns the project's share of the cache.
-  absl::StatusOr<ModelCache::Share> ShareOf(const std::string& project) const;
+  // Returns the project's share of a device: what its models on other devices leave.
+  absl::StatusOr<MemoryShare> ShareOf(const std::string& project, const ModelDevice& device) const;
+  // Adds the bytes needed, and available on the largest device, to an error of `devices_`.
+  absl::Status WithBytes(const absl::Status& status, const MemoryBytes& need) const;
 
   const Dependencies deps_;
   MapCounts map_counts_;  // outlives the models in the cache
-  const std::unique_ptr<ModelCache> cache_;
+  ModelDevices devices_;
 };
 
 }  // namespace pepeseg

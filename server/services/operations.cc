@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <vector>
 
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "core/base/status_macros.h"
 #include "server/api/convert.h"
 #include "server/api/records_to_proto.h"
+#include "server/api/resource_name.h"
 #include "server/observe/process_use.h"
 #include "server/rpc/stream_registry.h"
 
@@ -53,6 +55,33 @@ void Operations::FillProcess(v1::ServerStatus* response) const {
   response->set_disk_free_bytes(DiskFreeBytes(deps_.models.data_folder()));
 }
 
+std::string Operations::DeviceNames() const {
+  std::vector<std::string> names;
+  for (const ModelDevice& device : deps_.models.devices().all()) names.push_back(device.name);
+  return absl::StrJoin(names, ", ");
+}
+
+void Operations::FillDevices(v1::ServerStatus* response) const {
+  // Both lists are in the order of --devices.
+  const std::vector<DeviceUse::Use> uses = deps_.supervisor.device_use();
+  const std::vector<ModelDevice>& devices = deps_.models.devices().all();
+  for (size_t i = 0; i < devices.size(); ++i) {
+    const ModelCache& models = *devices[i].cache;
+    const bool one_memory = models.budget().one_memory();
+    const MemoryBytes used = models.bytes_in_use(), limit = models.budget().usable();
+    int num_models = 0;
+    models.Visit([&](const ModelCache::Info&, const SceneModel&) { ++num_models; });
+    v1::ServerStatus::Device& to = *response->add_devices();
+    to.set_id(devices[i].id);
+    to.set_name(devices[i].name);
+    if (!uses[i].job.empty()) to.set_job(JobName(uses[i].job));
+    *to.mutable_job_time() = ToProto(uses[i].job_time);
+    to.set_num_models(num_models);
+    to.set_model_bytes(one_memory ? used.host : used.device);
+    to.set_model_limit_bytes(one_memory ? limit.host : limit.device);
+  }
+}
+
 absl::Status Operations::FillJobs(v1::ServerStatus* response) const {
   Store& store = deps_.models.store();
   ASSIGN_OR_RETURN(const std::vector<JobRecord> running, store.queue().ListRunningJobs());
@@ -71,7 +100,8 @@ absl::Status Operations::FillJobs(v1::ServerStatus* response) const {
 absl::Status Operations::FillStatus(v1::ServerStatus* response) const {
   const WorkerPools& pools = deps_.runner.pools();
   response->set_version(version());
-  response->set_device(deps_.models.backend().name());
+  response->set_device(DeviceNames());
+  FillDevices(response);
   *response->mutable_start_time() = ToProto(start_time_);
   response->set_draining(deps_.health.draining());
   FillProcess(response);

@@ -39,9 +39,12 @@ class Operations {
   const HealthMonitor& health() const { return deps_.health; }
   absl::Time start_time() const { return start_time_; }
   static std::string version();
+  // Returns the names of the devices, separated by ", ".
+  std::string DeviceNames() const;
 
  private:
   void FillProcess(v1::ServerStatus* response) const;
+  void FillDevices(v1::ServerStatus* response) const;
   absl::Status FillJobs(v1::ServerStatus* response) const;
 
   const Dependencies deps_;

@@ -152,7 +152,7 @@ absl::Status ProjectAnswers::FillUsage(const std::string& project,
   // Queries and memory are counted by this server, not by the store, so they are this server's
   // share only.
   used.queries_per_second = quotas_.QueryRate(project);
-  used.resident_bytes = models_.cache().BytesOf(project);
+  used.resident_bytes = models_.devices().BytesOf(project);
   response->set_project(project);
   QuotaToProto(quota, response->mutable_quota());
   QuotaToProto(used, response->mutable_used());

@@ -147,7 +147,7 @@ absl::Status SceneServiceRpc::DeleteWithRemains(const SceneRef& scene) const {
     return WithResource(deleted, "JOB_ACTIVE", active ? JobName((*job)->id) : "");
   }
   RETURN_IF_ERROR(deleted);
-  for (const std::string& key : remains.resident_keys) models_.cache().Drop(key);
+  for (const std::string& key : remains.resident_keys) models_.devices().Drop(key);
   for (const UploadName& upload : remains.uploads) blobs_.RemovePartial(upload);
   // The scene is gone already: a folder that cannot be removed only costs space.
   std::error_code ignored;
@@ -165,7 +165,7 @@ absl::Status SceneServiceRpc::DeleteModelWithFiles(const SceneChild& model) cons
   // Before the deletion, whose cascade removes the records of the selections.
   ASSIGN_OR_RETURN(const auto selections, FindSelectionFiles(store_, record));
   RETURN_IF_ERROR(store_.models().DeleteModel(record.scene, record.number));
-  models_.cache().Drop(ResidentKey(record));  // queries under way still hold it
+  models_.devices().Drop(ResidentKey(record));  // queries under way still hold it
   // The model is gone already. Files that cannot be removed are removed by the collector.
   RemoveBeneath(models_.data_folder(), record.folder).IgnoreError();
   std::error_code ignored;

@@ -14,6 +14,9 @@ constexpr int64_t kNever = std::numeric_limits<int64_t>::max();
 constexpr int64_t kAll = int64_t{1} << 40;  // limit of a SELECT that returns everything
 // Time back from now within which a project's use of devices counts against it.
 constexpr absl::Duration kShareWindow = absl::Hours(1);
+// Time after which a queued job is claimed as if it were a preview, so that a stream of previews
+// stops no other job for ever.
+constexpr absl::Duration kLongWait = absl::Minutes(10);
 
 // Returns the job of an attempt, or ABORTED if the attempt has lost its claim.
 absl::StatusOr<JobRecord> SelectAttempt(soci::session& sql, const std::string& id, int64_t fence,
@@ -40,14 +43,16 @@ void UpdateJob(soci::session& sql, const JobRecord& job) {
   const int64_t end_time = ToMicros(job.end_time);
   sql << "UPDATE jobs SET state = :state, stage = :stage, device = :device, fence = :fence,"
          " lease_owner = :owner, lease_end = :lease, launch = :launch, crashes = :crashes,"
-         " server_ends = :server_ends, not_before = :not_before, cancel_requested = :c,"
+         " server_ends = :server_ends, put_backs = :put_backs, not_before = :not_before, "
+         "cancel_requested = :c,"
          " error_code = :code, error_message = :message, model = :model, start_time = :start,"
          " end_time = :end WHERE number = :number",
       soci::use(state), soci::use(job.stage), soci::use(job.device), soci::use(job.fence),
       soci::use(job.lease_owner), soci::use(lease_end), soci::use(job.launch),
-      soci::use(job.crashes), soci::use(job.server_ends), soci::use(not_before),
-      soci::use(cancel_requested), soci::use(job.error_code), soci::use(job.error_message),
-      soci::use(job.model), soci::use(start_time), soci::use(end_time), soci::use(job.number);
+      soci::use(job.crashes), soci::use(job.server_ends), soci::use(job.put_backs),
+      soci::use(not_before), soci::use(cancel_requested), soci::use(job.error_code),
+      soci::use(job.error_message), soci::use(job.model), soci::use(start_time),
+      soci::use(end_time), soci::use(job.number);
 }
 
 void MarkCancelled(JobRecord& job) {
@@ -80,6 +85,7 @@ void BeginClaim(JobRecord& job, const std::string& device) {
 // Progress resets both counters: a long job may be interrupted any number of times as long as each
 // attempt gets further.
 void CountAttempt(const EndedAttempt& attempt, JobRecord& job) {
+  if (attempt.end == AttemptEnd::kPutBack) job.put_backs += 1;
   if (attempt.progress) {
     job.crashes = job.server_ends = 0;
   } else if (attempt.end == AttemptEnd::kCrashed) {
@@ -104,12 +110,16 @@ int64_t LeaseEnd(soci::session& sql, const JobQueue::Holder& holder) {
 //
 // `shares` has what each project runs now, and how long its jobs ran within kShareWindow. The time
 // of a job counts from the start of its newest attempt, which is all that the store keeps.
-int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
+int64_t SelectClaimable(soci::session& sql, const Quota& defaults, JobQueue::Claims claims) {
   // SQLite has no row locks; its transactions are IMMEDIATE, so that claims follow one another.
   const std::string unlocked =
       sql.get_backend_name() == "postgresql" ? " FOR UPDATE OF jobs SKIP LOCKED" : "";
   const int64_t now = DatabaseMicros(sql);
   const int64_t since = now - absl::ToInt64Microseconds(kShareWindow);
+  const int64_t long_ago = now - absl::ToInt64Microseconds(kLongWait);
+  const bool previews_only = claims == JobQueue::Claims::kPreviews;
+  const int64_t expired = previews_only ? 0 : now;
+  const int least_preview = previews_only ? 1 : 0;
   const int64_t most = defaults.running_jobs > 0 ? defaults.running_jobs : kNever;
   int64_t number = 0;
   sql << "SELECT jobs.number FROM jobs JOIN scenes ON scenes.id = jobs.scene LEFT JOIN ("
@@ -119,16 +129,19 @@ int64_t SelectClaimable(soci::session& sql, const Quota& defaults) {
          " FROM jobs r JOIN scenes s ON s.id = r.scene"
          " WHERE r.start_time > 0 AND (r.state = 1 OR r.end_time > :since3) GROUP BY s.project"
          ") shares ON shares.project = scenes.project"
-         " WHERE (jobs.state = 1 AND jobs.lease_end < :now2) OR (jobs.state = 0 AND"
-         " jobs.not_before <= :now3 AND scenes.project NOT IN ("
+         " WHERE (jobs.state = 1 AND jobs.lease_end < :expired) OR (jobs.state = 0 AND"
+         " jobs.preview >= :least_preview AND jobs.not_before <= :now3 AND scenes.project NOT IN ("
          "SELECT s.project FROM jobs r JOIN scenes s ON s.id = r.scene"
          " LEFT JOIN projects p ON p.id = s.project WHERE r.state = 1 GROUP BY s.project"
          " HAVING COUNT(*) >= COALESCE(NULLIF(MAX(p.running_jobs), 0), :most)))"
-         " ORDER BY CASE WHEN jobs.state = 1 THEN 0 ELSE 1 END, COALESCE(shares.running, 0),"
+         " ORDER BY CASE WHEN jobs.state = 1 THEN 0 WHEN jobs.put_backs > 0 THEN 1"
+         " WHEN jobs.preview = 1 OR jobs.create_time < :long_ago THEN 2 ELSE 3 END,"
+         " COALESCE(shares.running, 0),"
          " COALESCE(shares.used, 0), jobs.number LIMIT 1"
       << unlocked,
-      soci::use(now), soci::use(since), soci::use(since), soci::use(since), soci::use(now),
-      soci::use(now), soci::use(most), soci::into(number);
+      soci::use(now), soci::use(since), soci::use(since), soci::use(since), soci::use(expired),
+      soci::use(least_preview), soci::use(now), soci::use(most), soci::use(long_ago),
+      soci::into(number);
   return sql.got_data() ? number : 0;
 }
 
@@ -145,10 +158,11 @@ std::vector<JobRecord> SelectHeld(soci::session& sql, const JobQueue::Holder& ho
 
 }  // namespace
 
-absl::StatusOr<std::optional<JobRecord>> JobQueue::ClaimJob(const std::string& device) {
+absl::StatusOr<std::optional<JobRecord>> JobQueue::ClaimJob(const std::string& device,
+                                                            Claims claims) {
   using Claimed = std::optional<JobRecord>;
   return database_.Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
-    const int64_t number = SelectClaimable(sql, defaults_);
+    const int64_t number = SelectClaimable(sql, defaults_, claims);
     if (number == 0) return Claimed();
     ASSIGN_OR_RETURN(JobRecord job, SelectJob(sql, absl::StrCat("j", number)));
     // A launcher still runs the others: their attempt continues under a new holder.
@@ -159,6 +173,13 @@ absl::StatusOr<std::optional<JobRecord>> JobQueue::ClaimJob(const std::string& d
     job.lease_end = FromMicros(LeaseEnd(sql, holder_));
     UpdateJob(sql, job);
     return Claimed(std::move(job));
+  });
+}
+
+absl::StatusOr<std::string> JobQueue::FindPreview() {
+  return database_.Query<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
+    const int64_t number = SelectClaimable(sql, defaults_, Claims::kPreviews);
+    return number == 0 ? std::string() : absl::StrCat("j", number);
   });
 }
 

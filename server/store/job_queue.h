@@ -30,14 +30,22 @@ class JobQueue {
   JobQueue(Database& database, const Holder& holder, const Quota& defaults)
       : database_(database), holder_(holder), defaults_(defaults) {}
 
+  // What ClaimJob may claim.
+  enum class Claims { kAll, kPreviews };
+
   // Claims a job that is QUEUED, or RUNNING with an expired lease, and these first. Of the queued
-  // jobs it takes the one of the project that runs the fewest jobs; then of the project whose jobs
-  // ran for the least time within the last hour; then the oldest. It becomes RUNNING on `device`
+  // jobs it takes first those that were put back for a preview, then previews and jobs that have
+  // waited for ten minutes, then the rest. Of these it takes the one of the project that runs the
+  // fewest jobs; then of the project whose jobs ran for the least time within the last hour; then
+  // the oldest. With kPreviews it claims queued previews only. The job becomes RUNNING on `device`
   // under the next fence, for the length of a lease. A job that a launcher still runs for
   // a holder whose lease has expired keeps its fence, device and launch: only its holder changes.
   // Passes over queued jobs that pause after a crash, and those of a project that runs as many jobs
   // as its quota allows. Returns nullopt if there is nothing to claim.
-  absl::StatusOr<std::optional<JobRecord>> ClaimJob(const std::string& device);
+  absl::StatusOr<std::optional<JobRecord>> ClaimJob(const std::string& device,
+                                                    Claims claims = Claims::kAll);
+  // Returns the id of the preview that ClaimJob would claim next; empty: none. Changes nothing.
+  absl::StatusOr<std::string> FindPreview();
   // Renews the leases of the jobs that this store holds, and returns these jobs.
   absl::StatusOr<std::vector<JobRecord>> RenewLeases();
   // Returns the RUNNING jobs of this store; changes nothing.
@@ -60,6 +68,7 @@ class JobQueue {
   absl::StatusOr<JobRecord> RequestCancel(const std::string& id);
   // RUNNING -> QUEUED, or CANCELLED if that was requested. Sets `crashes` and `server_ends` to 0
   // after an attempt with progress; else adds one to the counter that matches the attempt's end.
+  // Counts every put-back.
   absl::StatusOr<JobRecord> RequeueJob(const std::string& id, int64_t fence,
                                        const EndedAttempt& attempt);
   // RUNNING -> FAILED with the code and message of `error`, or CANCELLED if that is its code.

@@ -72,15 +72,18 @@ absl::StatusOr<JobRecord> InsertJob(soci::session& sql, const JobRecord& job) {
   const std::string options = absl::Base64Escape(job.options);
   const std::string effective = absl::Base64Escape(job.effective_options);
   const int64_t now = absl::ToUnixMicros(absl::Now());
+  const int preview = job.preview ? 1 : 0;
   sql << "INSERT INTO jobs (number, scene, dataset, state, stage, options, effective_options,"
-         " request_id, fence, host_bytes, seconds, cancel_requested, error_code, error_message,"
+         " request_id, preview, fence, host_bytes, seconds, cancel_requested, error_code, "
+         "error_message,"
          " model, create_time, start_time, end_time, traceparent) VALUES (:number, :scene, "
          ":dataset,"
-         " 0, '', :options, :effective, :request, 0, :bytes, :seconds, 0, 0, '', 0, :now, 0, 0,"
+         " 0, '', :options, :effective, :request, :preview, 0, :bytes, :seconds, 0, 0, '', 0, "
+         ":now, 0, 0,"
          " :traceparent)",
       soci::use(number), soci::use(job.scene.id), soci::use(job.dataset), soci::use(options),
-      soci::use(effective), soci::use(job.request_id), soci::use(job.host_bytes),
-      soci::use(job.seconds), soci::use(now), soci::use(job.traceparent);
+      soci::use(effective), soci::use(job.request_id), soci::use(preview),
+      soci::use(job.host_bytes), soci::use(job.seconds), soci::use(now), soci::use(job.traceparent);
   return SelectJob(sql, absl::StrCat("j", number));
 }
 
@@ -102,6 +105,7 @@ std::vector<JobRecord> SelectJobs(soci::session& sql, const std::string& where_o
   JobRecord row;
   int state = 0;
   int cancel_requested = 0;
+  int preview = 0;
   int64_t lease_end = 0;
   int64_t not_before = 0;
   int64_t create_time = 0;
@@ -112,27 +116,29 @@ std::vector<JobRecord> SelectJobs(soci::session& sql, const std::string& where_o
   soci::statement select =
       (sql.prepare
            << "SELECT number, scene, scenes.project, scenes.name, dataset, state, stage, device,"
-              " options, effective_options, jobs.request_id, fence, lease_owner, lease_end, launch,"
-              " crashes, server_ends, not_before, host_bytes, seconds, cancel_requested,"
+              " options, effective_options, jobs.request_id, preview, fence, lease_owner, "
+              "lease_end, launch,"
+              " crashes, server_ends, put_backs, not_before, host_bytes, seconds, cancel_requested,"
               " error_code, error_message, model, jobs.create_time, start_time, end_time,"
               " traceparent FROM jobs JOIN scenes ON scenes.id = jobs.scene WHERE "
            << where_order << " LIMIT :limit",
        soci::into(row.number), soci::into(row.scene.id), soci::into(row.scene.project),
        soci::into(row.scene.name), soci::into(row.dataset), soci::into(state),
        soci::into(row.stage), soci::into(row.device), soci::into(options), soci::into(effective),
-       soci::into(row.request_id), soci::into(row.fence), soci::into(row.lease_owner),
-       soci::into(lease_end), soci::into(row.launch), soci::into(row.crashes),
-       soci::into(row.server_ends), soci::into(not_before), soci::into(row.host_bytes),
-       soci::into(row.seconds), soci::into(cancel_requested), soci::into(row.error_code),
-       soci::into(row.error_message), soci::into(row.model), soci::into(create_time),
-       soci::into(start_time), soci::into(end_time), soci::into(row.traceparent), soci::use(key),
-       soci::use(limit));
+       soci::into(row.request_id), soci::into(preview), soci::into(row.fence),
+       soci::into(row.lease_owner), soci::into(lease_end), soci::into(row.launch),
+       soci::into(row.crashes), soci::into(row.server_ends), soci::into(row.put_backs),
+       soci::into(not_before), soci::into(row.host_bytes), soci::into(row.seconds),
+       soci::into(cancel_requested), soci::into(row.error_code), soci::into(row.error_message),
+       soci::into(row.model), soci::into(create_time), soci::into(start_time), soci::into(end_time),
+       soci::into(row.traceparent), soci::use(key), soci::use(limit));
   select.execute();
   std::vector<JobRecord> rows;
   while (select.fetch()) {
     row.id = absl::StrCat("j", row.number);
     row.state = static_cast<JobState>(state);
     row.cancel_requested = cancel_requested != 0;
+    row.preview = preview != 0;
     row.options = FromColumn(options);
     row.effective_options = FromColumn(effective);
     row.lease_end = FromMicros(lease_end);

@@ -79,6 +79,7 @@ enum class AttemptEnd {
   kStopped,      // on request, or because its server could not reach the database
   kServerEnded,  // together with its server
   kCrashed,      // the worker ended without a result
+  kPutBack,      // its device was needed for a preview
 };
 
 struct EndedAttempt {
@@ -103,7 +104,8 @@ struct JobRecord {
   std::string options;            // serialised pepeseg.v1.TrainingOptions as requested
   std::string effective_options;  // serialised pepeseg.v1.TrainingOptions with every field set
   std::string request_id;
-  int64_t fence = 0;  // number of the attempt: rises by one with each
+  bool preview = false;  // of the preset PREVIEW, which is claimed before others
+  int64_t fence = 0;     // number of the attempt: rises by one with each
   // Name of the server that holds a RUNNING job; Store::Holder::name.
   std::string lease_owner;
   // When another server may claim the job, by the database's clock. InfiniteFuture: never.
@@ -111,6 +113,7 @@ struct JobRecord {
   std::string launch;  // the launcher's name for a worker, as "slurm:17"; empty: a child process
   // Attempts in a row without progress, by how they ended: see AttemptEnd.
   int crashes = 0, server_ends = 0;
+  int put_backs = 0;      // attempts that ended as AttemptEnd::kPutBack
   absl::Time not_before;  // earliest claim of a QUEUED job, by the database's clock
   // Estimates from when the job was queued: host memory in bytes, time in seconds. 0: not known.
   int64_t host_bytes = 0, seconds = 0;

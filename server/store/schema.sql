@@ -96,7 +96,8 @@ CREATE TABLE blobs (
 );
 
 -- host_bytes, seconds: estimated host memory and time; 0: not known. crashes, server_ends: attempts
--- in a row without progress, whose worker crashed or whose server ended. not_before: earliest time
+-- in a row without progress, whose worker crashed or whose server ended. put_backs: attempts that
+-- were ended for a preview. preview: 1 if the job is one, which is claimed before others. not_before: earliest time
 -- at which a queued job is claimed. lease_owner, lease_end, launch: for a RUNNING job the server
 -- that holds it, the time from which another server may claim it, and the launcher's name for it.
 CREATE TABLE jobs (
@@ -111,9 +112,11 @@ CREATE TABLE jobs (
   traceparent VARCHAR(55) NOT NULL,
   host_bytes BIGINT NOT NULL,
   seconds BIGINT NOT NULL,
+  preview INTEGER NOT NULL,
   fence BIGINT NOT NULL,
   crashes INTEGER NOT NULL DEFAULT 0,
   server_ends INTEGER NOT NULL DEFAULT 0,
+  put_backs INTEGER NOT NULL DEFAULT 0,
   not_before BIGINT NOT NULL DEFAULT 0,
   lease_owner TEXT NOT NULL DEFAULT '',
   lease_end BIGINT NOT NULL DEFAULT 0,
@@ -131,6 +134,8 @@ CREATE UNIQUE INDEX job_requests ON jobs (scene, request_id) WHERE request_id <>
 -- Allows one active job per scene. State 0 is QUEUED, 1 is RUNNING.
 CREATE UNIQUE INDEX active_jobs ON jobs (scene) WHERE state IN (0, 1);
 CREATE INDEX job_queue ON jobs (state, number);
+-- For the time that jobs of each project ran lately, which decides the next claim.
+CREATE INDEX jobs_by_end ON jobs (end_time);
 
 -- The next number of a job, one record.
 CREATE TABLE job_numbers (next_job BIGINT NOT NULL);

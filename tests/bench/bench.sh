@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs `pepeseg-benchmark curves` on a server that it starts, then makes the table and the plots.
 #   bench.sh BUILD_FOLDER OUT_FOLDER DATASET_FOLDER [OPTIONS OF pepeseg-benchmark curves...]
-# PEPESEGD_FLAGS: flags of the server, such as --device=cuda. The plots need python3-matplotlib
+# PEPESEGD_FLAGS: flags of the server, such as --devices=cuda. The plots need python3-matplotlib
 # (deploy/packages/bench.txt).
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)

@@ -70,7 +70,7 @@ RunningServer::RunningServer(const std::string& worker, const ServerOptions& set
     : options(settings) {
   options.data = folder / "data";
   options.worker = worker;
-  options.device = "cpu";
+  options.devices = "cpu";
   options.num_threads = 1;
   options.launch.crash_pauses = {absl::Milliseconds(10)};
   Restart();

@@ -23,20 +23,28 @@ TEST(WorkerMemory, IsAtLeastAQuarter) {
 TEST(WorkerMemory, IsUnlimitedIfSlurmStartsWorkers) {
   ServerOptions options;
   options.model_bytes = kGib;
-  const int64_t here = WorkerMemory(options);
+  const int64_t here = WorkerMemory(options, 1);
   EXPECT_GT(here, 0);
   EXPECT_LT(here, HostMemory().total_bytes);
   options.launch.launcher = LaunchOptions::Launcher::kSlurm;
-  EXPECT_EQ(WorkerMemory(options), 0);
+  EXPECT_EQ(WorkerMemory(options, 1), 0);
+}
+
+TEST(WorkerMemory, IsDividedAmongTheDevices) {
+  ServerOptions options;
+  EXPECT_EQ(WorkerMemory(options, 4), WorkerMemory(options, 1) / 4);
 }
 
 TEST(TrainingMemory, IsAtMostWorkerMemoryOnTheHost) {
   ASSERT_OK_AND_ASSIGN(const auto device, OpenDevice("cpu", 1));
   ServerOptions options;
   options.device_memory = int64_t{1} << 50;
-  EXPECT_EQ(TrainingMemory(options, *device.backend), WorkerMemory(options));
+  for (const size_t num_devices : {1, 2}) {
+    EXPECT_EQ(TrainingMemory(options, *device.backend, num_devices),
+              WorkerMemory(options, num_devices));
+  }
   options.device_memory = kGib / 8;
-  EXPECT_EQ(TrainingMemory(options, *device.backend), kGib / 8);
+  EXPECT_EQ(TrainingMemory(options, *device.backend, 2), kGib / 8);
 }
 
 }  // namespace

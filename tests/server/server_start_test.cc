@@ -55,7 +55,7 @@ TEST(ServerStart, NamesTheFileOfADatabaseThatDoesNotOpen) {
 TEST(ServerStart, RefusesADeviceThatIsNotAvailable) {
   const testing::TempFolder folder;
   ServerOptions options = OptionsIn(folder);
-  options.device = "cuda:1000";
+  options.devices = "cuda:1000";
   EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition,
                 "device cuda:1000: ");
 }

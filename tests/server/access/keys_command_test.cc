@@ -55,7 +55,7 @@ TEST(KeysCommand, CreatesTheFirstKeyBeforeTheServerStarts) {
   ServerOptions options;
   options.data = folder / "data";
   options.worker = PEPESEG_FAKE_WORKER;
-  options.device = "cpu";
+  options.devices = "cpu";
   options.access.require_keys = true;
   ASSERT_OK_AND_ASSIGN(const auto server, Server::Start(options));
   const auto scenes = v1::SceneService::NewStub(server->InProcessChannel());

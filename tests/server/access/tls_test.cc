@@ -227,7 +227,7 @@ TEST_F(Tls, RefusesToStartWithFilesThatDoNotBelongTogether) {
   WriteKey(authority.Issue("another"));
   options.data = folder / "data";
   options.worker = PEPESEG_FAKE_WORKER;
-  options.device = "cpu";
+  options.devices = "cpu";
   EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition, "key.pem");
 }
 

@@ -112,6 +112,12 @@ int Act(const std::string& act, const JobFolder& folder, int64_t fence) {
     std::ofstream(folder.checkpoints(fence) / "reconstruct-000000100.ckpt") << "state";
     std::abort();
   }
+  // Until it has been stopped as often as the last letter says.
+  if (act.starts_with("save and hang") && fence <= act.back() - '0') {
+    std::filesystem::create_directories(folder.checkpoints(fence));
+    std::ofstream(folder.checkpoints(fence) / "reconstruct-000000100.ckpt") << "state";
+    return HangUntilTerminated(folder, fence);
+  }
   if (act == "stop once" && fence == 1) raise(SIGSTOP);
   if (act == "work a while") sleep(1);
   if (act == "be terminated once" && fence == 1) {

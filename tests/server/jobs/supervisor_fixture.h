@@ -52,7 +52,7 @@ class SupervisorTest : public ::testing::Test {
   }
 
   // Submits a job of a new scene, whose worker does what `act` says. Returns its id.
-  std::string Submit(const std::string& act) {
+  std::string Submit(const std::string& act, bool preview = false) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
     EXPECT_OK(store_->scenes().CreateScene(NewScene(scene)));
     EXPECT_OK(
@@ -61,6 +61,7 @@ class SupervisorTest : public ::testing::Test {
     JobRecord job;
     job.scene = SceneOf(*store_, scene);
     job.dataset = 1;
+    job.preview = preview;
     const auto submitted = supervisor_->Submit(job);
     EXPECT_OK(submitted);
     return submitted.ok() ? submitted->id : "";

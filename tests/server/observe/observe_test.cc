@@ -88,8 +88,8 @@ TEST_F(ObserveTest, MetricsReportModelsInMemoryAndTheirMaps) {
     point.set_y(32);
     ASSERT_OK(Call(&SegmentationStub::SegmentViews, request));
   }
-  EXPECT_TRUE(Exposes("pepeseg_resident_models 1"));
-  EXPECT_TRUE(Exposes("pepeseg_model_loads_total 1"));
+  EXPECT_TRUE(Exposes("pepeseg_resident_models{device=\"cpu\"} 1"));
+  EXPECT_TRUE(Exposes("pepeseg_model_loads_total{device=\"cpu\"} 1"));
   EXPECT_TRUE(Exposes("pepeseg_feature_map_renders_total 1"));
   EXPECT_FALSE(Exposes("pepeseg_feature_map_hits_total 0"));
   EXPECT_TRUE(Exposes("pepeseg_jobs{state=\"succeeded\"} 1"));

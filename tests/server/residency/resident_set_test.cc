@@ -66,7 +66,7 @@ class ResidentSet : public ::testing::Test {
   // There is room for two models.
   static std::vector<std::string> Arguments(const testing::TempFolder& folder) {
     const MemoryBytes one = BytesOfModel(*MakeCpuBackend(1), kShape);
-    return {absl::StrCat("--admin=unix:", (folder / "admin").string()), "--device=cpu",
+    return {absl::StrCat("--admin=unix:", (folder / "admin").string()), "--devices=cpu",
             absl::StrCat("--model-memory=", (one.host + one.device) * 5 / 2)};
   }
 

@@ -233,7 +233,7 @@ TEST(AdminListener, RefusesOtherMachinesByDefault) {
   ServerOptions options;
   options.data = folder.path();
   options.worker = PEPESEG_MODEL_WORKER;
-  options.device = "cpu";
+  options.devices = "cpu";
   options.admin = "0.0.0.0:0";
   EXPECT_STATUS(Server::Start(options), absl::StatusCode::kFailedPrecondition,
                 "listening on 0.0.0.0:0");

@@ -121,7 +121,7 @@ TEST_F(JobServiceTest, GivesTheWorkerTheRemainingMemory) {
   TrainToTheEnd("shelf", "fine");
   ASSERT_OK_AND_ASSIGN(const auto spec,
                        JobFolder(running.options.data / "jobs" / "j1").ReadSpec(1));
-  EXPECT_EQ(spec.memory_limit, WorkerMemory(running.options));
+  EXPECT_EQ(spec.memory_limit, WorkerMemory(running.options, 1));
   EXPECT_LT(spec.memory_limit, HostMemory().total_bytes);
 }
 

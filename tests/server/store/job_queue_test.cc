@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "server/store/soci.h"
 #include "server/store/store.h"
 #include "tests/server/store/scene_of.h"
 #include "tests/server/store/test_database.h"
@@ -29,7 +30,8 @@ class StoreQueueTest : public ::testing::Test {
   }
 
   // Creates a queued job of a new scene and returns its id.
-  std::string Queue(Store& store, const std::string& project = kDefaultProject) {
+  std::string Queue(Store& store, const std::string& project = kDefaultProject,
+                    bool preview = false) {
     const std::string scene = absl::StrCat("s", ++num_scenes_);
     EXPECT_OK(store.scenes().CreateScene(NewScene(scene, "", "", project)));
     EXPECT_OK(
@@ -38,6 +40,7 @@ class StoreQueueTest : public ::testing::Test {
     JobRecord job;
     job.scene = SceneOf(store, scene);
     job.dataset = 1;
+    job.preview = preview;
     const auto made = store.jobs().CreateJob(job);
     EXPECT_OK(made);
     return made->id;
@@ -116,6 +119,55 @@ TEST_F(StoreQueueTest, ClaimsForTheProjectWhoseJobsRanTheLeast) {
   const std::string older = Queue(*store, "before");
   const std::string newer = Queue(*store, "now");
   for (const std::string& next : {newer, older}) {
+    ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> job, store->queue().ClaimJob("cpu"));
+    ASSERT_TRUE(job.has_value());
+    EXPECT_EQ(job->id, next);
+  }
+}
+
+TEST_F(StoreQueueTest, ClaimsWhatWasPutBackThenPreviewsThenTheRest) {
+  const auto store = Open("a", absl::Seconds(60));
+  const std::string back = Queue(*store);
+  ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> runs, store->queue().ClaimJob("cpu"));
+  const std::string rest = Queue(*store);
+  EXPECT_EQ(*store->queue().FindPreview(), "");
+  const std::string preview = Queue(*store, kDefaultProject, true);
+  EXPECT_EQ(*store->queue().FindPreview(), preview);
+  ASSERT_OK_AND_ASSIGN(
+      const JobRecord queued,
+      store->queue().RequeueJob(back, runs->fence, {AttemptEnd::kPutBack, true, {}}));
+  EXPECT_EQ(queued.put_backs, 1);
+  for (const std::string& next : {back, preview, rest}) {
+    ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> job, store->queue().ClaimJob("cpu"));
+    ASSERT_TRUE(job.has_value());
+    EXPECT_EQ(job->id, next);
+    EXPECT_EQ(job->preview, next == preview);
+  }
+}
+
+TEST_F(StoreQueueTest, ClaimsOnlyPreviewsOnRequest) {
+  const auto store = Open("a", absl::Seconds(60));
+  using Claims = JobQueue::Claims;
+  Queue(*store);
+  ASSERT_OK_AND_ASSIGN(std::optional<JobRecord> job,
+                       store->queue().ClaimJob("cpu", Claims::kPreviews));
+  EXPECT_FALSE(job.has_value());
+  const std::string preview = Queue(*store, kDefaultProject, true);
+  ASSERT_OK_AND_ASSIGN(job, store->queue().ClaimJob("cpu", Claims::kPreviews));
+  ASSERT_TRUE(job.has_value());
+  EXPECT_EQ(job->id, preview);
+}
+
+// Previews come first, but do not stop others for ever.
+TEST_F(StoreQueueTest, ClaimsAJobThatHasWaitedForLongInTheOrderOfPreviews) {
+  const auto store = Open("a", absl::Seconds(60));
+  const std::string waits = Queue(*store);
+  const std::string preview = Queue(*store, kDefaultProject, true);
+  const bool is_sqlite = url_.starts_with("sqlite:");
+  soci::session sql = is_sqlite ? soci::session(soci::sqlite3, "dbname=\"" + url_.substr(7) + "\"")
+                                : soci::session(soci::postgresql, url_.substr(11));
+  sql << "UPDATE jobs SET create_time = create_time - 601000000";
+  for (const std::string& next : {waits, preview}) {
     ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> job, store->queue().ClaimJob("cpu"));
     ASSERT_TRUE(job.has_value());
     EXPECT_EQ(job->id, next);

@@ -48,7 +48,7 @@ start_postgresql() {
 }
 start() {  # start DATA [OPTIONS...]
   rm -f "$work/port"
-  "$programs/pepesegd" --listen 127.0.0.1:0 --data "$1" --port-file "$work/port" --device cpu \
+  "$programs/pepesegd" --listen 127.0.0.1:0 --data "$1" --port-file "$work/port" --devices cpu \
     --checkpoint-seconds 1 "${@:2}" >>"$work/server.log" 2>&1 &
   server=$!
   for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done

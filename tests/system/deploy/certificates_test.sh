@@ -51,7 +51,7 @@ PYTHON
 expect 0 openssl dgst -sha256 -verify "$tls/jwt.pub" -signature "$work/signature" "$work/signed"
 
 "$programs/pepesegd" --listen 127.0.0.1:0 --data "$work/data" --port-file "$work/port" \
-  --admin "unix:$work/admin" --require-keys --device cpu --tls-certificate "$tls/server.pem" \
+  --admin "unix:$work/admin" --require-keys --devices cpu --tls-certificate "$tls/server.pem" \
   --tls-key "$tls/server.key" --tls-client-ca "$tls/ca.pem" >"$work/server.log" 2>&1 &
 server=$!
 for _ in {1..200}; do [[ -s $work/port ]] && break; sleep 0.1; done

@@ -38,7 +38,7 @@ def scrape(programs):
         with log.open("w") as errors:
             server = subprocess.Popen(
                 [programs / "pepesegd", "--data", folder + "/data", "--listen", "127.0.0.1:0",
-                 "--device", "cpu", "--metrics", "127.0.0.1:0"], stderr=errors)
+                 "--devices", "cpu", "--metrics", "127.0.0.1:0"], stderr=errors)
         try:
             for _ in range(300):
                 port = re.search(r"metrics on .*, port (\d+)", log.read_text())

@@ -109,7 +109,7 @@ v1::Selection SelectHalf(LoadedServer& server, const std::string& model) {
 }
 
 double ReservedBytes(LoadedServer& server) {
-  return server.Metric("pepeseg_resident_reserved_bytes{memory=\"host\"}");
+  return server.Metric("pepeseg_resident_reserved_bytes{device=\"cpu\",memory=\"host\"}");
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ from pepeseg.v1 import quota_pb2 as pepeseg_dot_v1_dot_quota__pb2
 from pepeseg.v1 import server_status_pb2 as pepeseg_dot_v1_dot_server__status__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/admin_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x18pepeseg/v1/api_key.proto\x1a\x16pepeseg/v1/quota.proto\x1a\x1epepeseg/v1/server_status.proto\"\xcf\x01\n\rResidentModel\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x12\n\nhost_bytes\x18\x02 \x01(\x03\x12\x14\n\x0c\x64\x65vice_bytes\x18\x03 \x01(\x03\x12\x0e\n\x06pinned\x18\x04 \x01(\x08\x12\x31\n\rlast_use_time\x18\x05 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x19\n\x11queries_in_flight\x18\x06 \x01(\x03\x12\x13\n\x0b\x63\x61\x63hed_maps\x18\x07 \x01(\x03\x12\x13\n\x0bnum_renders\x18\x08 \x01(\x03\"8\n\tMemoryUse\x12\x16\n\x0ereserved_bytes\x18\x01 \x01(\x03\x12\x13\n\x0blimit_bytes\x18\x02 \x01(\x03\" \n\x10LoadModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\"\n\x12UnloadModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\x1f\n\x0fPinModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"!\n\x11UnpinModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\x1b\n\x19ListResidentModelsRequest\"\xda\x01\n\x1aListResidentModelsResponse\x12)\n\x06models\x18\x01 \x03(\x0b\x32\x19.pepeseg.v1.ResidentModel\x12#\n\x04host\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MemoryUse\x12%\n\x06\x64\x65vice\x18\x03 \x01(\x0b\x32\x15.pepeseg.v1.MemoryUse\x12\x1b\n\x13\x64\x65vice_bytes_in_use\x18\x04 \x01(\x03\x12\x11\n\tnum_loads\x18\x05 \x01(\x03\x12\x15\n\rnum_evictions\x18\x06 \x01(\x03\x32\xa0\t\n\x0c\x41\x64minService\x12N\n\tLoadModel\x12\x1c.pepeseg.v1.LoadModelRequest\x1a\x19.pepeseg.v1.ResidentModel\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12O\n\x0bUnloadModel\x12\x1e.pepeseg.v1.UnloadModelRequest\x1a\x16.google.protobuf.Empty\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12L\n\x08PinModel\x12\x1b.pepeseg.v1.PinModelRequest\x1a\x19.pepeseg.v1.ResidentModel\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12P\n\nUnpinModel\x12\x1d.pepeseg.v1.UnpinModelRequest\x1a\x19.pepeseg.v1.ResidentModel\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12m\n\x12ListResidentModels\x12%.pepeseg.v1.ListResidentModelsRequest\x1a&.pepeseg.v1.ListResidentModelsResponse\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12R\n\tCreateKey\x12\x1c.pepeseg.v1.CreateKeyRequest\x1a\x1d.pepeseg.v1.CreateKeyResponse\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12\x41\n\x06GetKey\x12\x19.pepeseg.v1.GetKeyRequest\x1a\x12.pepeseg.v1.ApiKey\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12O\n\x08ListKeys\x12\x1b.pepeseg.v1.ListKeysRequest\x1a\x1c.pepeseg.v1.ListKeysResponse\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12G\n\tRevokeKey\x12\x1c.pepeseg.v1.RevokeKeyRequest\x1a\x12.pepeseg.v1.ApiKey\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12Y\n\x0fGetProjectUsage\x12\".pepeseg.v1.GetProjectUsageRequest\x1a\x18.pepeseg.v1.ProjectUsage\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12Q\n\x0bUpdateQuota\x12\x1e.pepeseg.v1.UpdateQuotaRequest\x1a\x18.pepeseg.v1.ProjectUsage\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12Y\n\x0fGetServerStatus\x12\".pepeseg.v1.GetServerStatusRequest\x1a\x18.pepeseg.v1.ServerStatus\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12Q\n\x0b\x44rainServer\x12\x1e.pepeseg.v1.DrainServerRequest\x1a\x18.pepeseg.v1.ServerStatus\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12S\n\x0cResumeServer\x12\x1f.pepeseg.v1.ResumeServerRequest\x1a\x18.pepeseg.v1.ServerStatus\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/admin_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x18pepeseg/v1/api_key.proto\x1a\x16pepeseg/v1/quota.proto\x1a\x1epepeseg/v1/server_status.proto\"\xdf\x01\n\rResidentModel\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x12\n\nhost_bytes\x18\x02 \x01(\x03\x12\x14\n\x0c\x64\x65vice_bytes\x18\x03 \x01(\x03\x12\x0e\n\x06pinned\x18\x04 \x01(\x08\x12\x31\n\rlast_use_time\x18\x05 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x19\n\x11queries_in_flight\x18\x06 \x01(\x03\x12\x13\n\x0b\x63\x61\x63hed_maps\x18\x07 \x01(\x03\x12\x13\n\x0bnum_renders\x18\x08 \x01(\x03\x12\x0e\n\x06\x64\x65vice\x18\t \x01(\t\"8\n\tMemoryUse\x12\x16\n\x0ereserved_bytes\x18\x01 \x01(\x03\x12\x13\n\x0blimit_bytes\x18\x02 \x01(\x03\" \n\x10LoadModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\"\n\x12UnloadModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\x1f\n\x0fPinModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"!\n\x11UnpinModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\x1b\n\x19ListResidentModelsRequest\"\xda\x01\n\x1aListResidentModelsResponse\x12)\n\x06models\x18\x01 \x03(\x0b\x32\x19.pepeseg.v1.ResidentModel\x12#\n\x04host\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.MemoryUse\x12%\n\x06\x64\x65vice\x18\x03 \x01(\x0b\x32\x15.pepeseg.v1.MemoryUse\x12\x1b\n\x13\x64\x65vice_bytes_in_use\x18\x04 \x01(\x03\x12\x11\n\tnum_loads\x18\x05 \x01(\x03\x12\x15\n\rnum_evictions\x18\x06 \x01(\x03\x32\xa0\t\n\x0c\x41\x64minService\x12N\n\tLoadModel\x12\x1c.pepeseg.v1.LoadModelRequest\x1a\x19.pepeseg.v1.ResidentModel\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12O\n\x0bUnloadModel\x12\x1e.pepeseg.v1.UnloadModelRequest\x1a\x16.google.protobuf.Empty\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12L\n\x08PinModel\x12\x1b.pepeseg.v1.PinModelRequest\x1a\x19.pepeseg.v1.ResidentModel\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12P\n\nUnpinModel\x12\x1d.pepeseg.v1.UnpinModelRequest\x1a\x19.pepeseg.v1.ResidentModel\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12m\n\x12ListResidentModels\x12%.pepeseg.v1.ListResidentModelsRequest\x1a&.pepeseg.v1.ListResidentModelsResponse\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12R\n\tCreateKey\x12\x1c.pepeseg.v1.CreateKeyRequest\x1a\x1d.pepeseg.v1.CreateKeyResponse\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12\x41\n\x06GetKey\x12\x19.pepeseg.v1.GetKeyRequest\x1a\x12.pepeseg.v1.ApiKey\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12O\n\x08ListKeys\x12\x1b.pepeseg.v1.ListKeysRequest\x1a\x1c.pepeseg.v1.ListKeysResponse\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12G\n\tRevokeKey\x12\x1c.pepeseg.v1.RevokeKeyRequest\x1a\x12.pepeseg.v1.ApiKey\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12Y\n\x0fGetProjectUsage\x12\".pepeseg.v1.GetProjectUsageRequest\x1a\x18.pepeseg.v1.ProjectUsage\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12Q\n\x0bUpdateQuota\x12\x1e.pepeseg.v1.UpdateQuotaRequest\x1a\x18.pepeseg.v1.ProjectUsage\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12Y\n\x0fGetServerStatus\x12\".pepeseg.v1.GetServerStatusRequest\x1a\x18.pepeseg.v1.ServerStatus\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12Q\n\x0b\x44rainServer\x12\x1e.pepeseg.v1.DrainServerRequest\x1a\x18.pepeseg.v1.ServerStatus\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x12S\n\x0cResumeServer\x12\x1f.pepeseg.v1.ResumeServerRequest\x1a\x18.pepeseg.v1.ServerStatus\"\x08\x8a\xe2\x18\x04\x08\x04\x18\x05\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.admin_service_pb2', globals())
@@ -55,21 +55,21 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _ADMINSERVICE.methods_by_name['ResumeServer']._options = None
   _ADMINSERVICE.methods_by_name['ResumeServer']._serialized_options = b'\212\342\030\004\010\004\030\005'
   _RESIDENTMODEL._serialized_start=216
-  _RESIDENTMODEL._serialized_end=423
-  _MEMORYUSE._serialized_start=425
-  _MEMORYUSE._serialized_end=481
-  _LOADMODELREQUEST._serialized_start=483
-  _LOADMODELREQUEST._serialized_end=515
-  _UNLOADMODELREQUEST._serialized_start=517
-  _UNLOADMODELREQUEST._serialized_end=551
-  _PINMODELREQUEST._serialized_start=553
-  _PINMODELREQUEST._serialized_end=584
-  _UNPINMODELREQUEST._serialized_start=586
-  _UNPINMODELREQUEST._serialized_end=619
-  _LISTRESIDENTMODELSREQUEST._serialized_start=621
-  _LISTRESIDENTMODELSREQUEST._serialized_end=648
-  _LISTRESIDENTMODELSRESPONSE._serialized_start=651
-  _LISTRESIDENTMODELSRESPONSE._serialized_end=869
-  _ADMINSERVICE._serialized_start=872
-  _ADMINSERVICE._serialized_end=2056
+  _RESIDENTMODEL._serialized_end=439
+  _MEMORYUSE._serialized_start=441
+  _MEMORYUSE._serialized_end=497
+  _LOADMODELREQUEST._serialized_start=499
+  _LOADMODELREQUEST._serialized_end=531
+  _UNLOADMODELREQUEST._serialized_start=533
+  _UNLOADMODELREQUEST._serialized_end=567
+  _PINMODELREQUEST._serialized_start=569
+  _PINMODELREQUEST._serialized_end=600
+  _UNPINMODELREQUEST._serialized_start=602
+  _UNPINMODELREQUEST._serialized_end=635
+  _LISTRESIDENTMODELSREQUEST._serialized_start=637
+  _LISTRESIDENTMODELSREQUEST._serialized_end=664
+  _LISTRESIDENTMODELSRESPONSE._serialized_start=667
+  _LISTRESIDENTMODELSRESPONSE._serialized_end=885
+  _ADMINSERVICE._serialized_start=888
+  _ADMINSERVICE._serialized_end=2072
 # @@protoc_insertion_point(module_scope)

@@ -52,9 +52,10 @@ class PinModelRequest(_message.Message):
     def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class ResidentModel(_message.Message):
-    __slots__ = ["cached_maps", "device_bytes", "host_bytes", "last_use_time", "name", "num_renders", "pinned", "queries_in_flight"]
+    __slots__ = ["cached_maps", "device", "device_bytes", "host_bytes", "last_use_time", "name", "num_renders", "pinned", "queries_in_flight"]
     CACHED_MAPS_FIELD_NUMBER: _ClassVar[int]
     DEVICE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    DEVICE_FIELD_NUMBER: _ClassVar[int]
     HOST_BYTES_FIELD_NUMBER: _ClassVar[int]
     LAST_USE_TIME_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
@@ -62,6 +63,7 @@ class ResidentModel(_message.Message):
     PINNED_FIELD_NUMBER: _ClassVar[int]
     QUERIES_IN_FLIGHT_FIELD_NUMBER: _ClassVar[int]
     cached_maps: int
+    device: str
     device_bytes: int
     host_bytes: int
     last_use_time: _timestamp_pb2.Timestamp
@@ -69,7 +71,7 @@ class ResidentModel(_message.Message):
     num_renders: int
     pinned: bool
     queries_in_flight: int
-    def __init__(self, name: _Optional[str] = ..., host_bytes: _Optional[int] = ..., device_bytes: _Optional[int] = ..., pinned: bool = ..., last_use_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., queries_in_flight: _Optional[int] = ..., cached_maps: _Optional[int] = ..., num_renders: _Optional[int] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., host_bytes: _Optional[int] = ..., device_bytes: _Optional[int] = ..., pinned: bool = ..., last_use_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., queries_in_flight: _Optional[int] = ..., cached_maps: _Optional[int] = ..., num_renders: _Optional[int] = ..., device: _Optional[str] = ...) -> None: ...
 
 class UnloadModelRequest(_message.Message):
     __slots__ = ["name"]

@@ -16,7 +16,7 @@ from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__
 from pepeseg.v1 import job_service_pb2 as pepeseg_dot_v1_dot_job__service__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/server_status.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x1cpepeseg/v1/job_service.proto\"\x8a\x07\n\x0cServerStatus\x12\x0f\n\x07version\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12.\n\nstart_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x10\n\x08\x64raining\x18\x04 \x01(\x08\x12\x16\n\x0eresident_bytes\x18\x05 \x01(\x03\x12\x17\n\x0fnum_descriptors\x18\x06 \x01(\x05\x12\x13\n\x0bnum_threads\x18\x07 \x01(\x05\x12,\n\x05pools\x18\x08 \x03(\x0b\x32\x1d.pepeseg.v1.ServerStatus.Pool\x12\x13\n\x0bnum_streams\x18\t \x01(\x05\x12\x17\n\x0f\x64isk_free_bytes\x18\n \x01(\x03\x12%\n\x0crunning_jobs\x18\x0b \x03(\x0b\x32\x0f.pepeseg.v1.Job\x12\x17\n\x0fnum_queued_jobs\x18\x0c \x01(\x03\x12\x1a\n\x12queries_per_second\x18\r \x01(\x01\x12,\n\tquery_p50\x18\x0e \x01(\x0b\x32\x19.google.protobuf.Duration\x12,\n\tquery_p99\x18\x0f \x01(\x0b\x32\x19.google.protobuf.Duration\x12:\n\x0c\x66ind_sources\x18\x10 \x01(\x0b\x32$.pepeseg.v1.ServerStatus.FindSources\x1a\x82\x01\n\x04Pool\x12+\n\x04work\x18\x01 \x01(\x0e\x32\x1d.pepeseg.v1.ServerStatus.Work\x12\x13\n\x0bnum_threads\x18\x02 \x01(\x05\x12\x10\n\x08num_busy\x18\x03 \x01(\x05\x12\x12\n\nnum_queued\x18\x04 \x01(\x05\x12\x12\n\nmax_queued\x18\x05 \x01(\x05\x1a\x65\n\x0b\x46indSources\x12\x10\n\x08synonyms\x18\x01 \x01(\x08\x12\x1a\n\x12num_detector_words\x18\x02 \x01(\x05\x12\x14\n\x0ctext_command\x18\x03 \x01(\x08\x12\x12\n\nappearance\x18\x04 \x01(\x08\"\x94\x01\n\x04Work\x12\x14\n\x10WORK_UNSPECIFIED\x10\x00\x12\x0b\n\x07WORK_IO\x10\x01\x12\x0e\n\nWORK_QUERY\x10\x02\x12\x13\n\x0fWORK_EVALUATION\x10\x03\x12\x0f\n\x0bWORK_UPLOAD\x10\x04\x12\x0f\n\x0bWORK_BORDER\x10\x05\x12\x13\n\x0fWORK_CORRECTION\x10\x06\x12\r\n\tWORK_FIND\x10\x07\"\x18\n\x16GetServerStatusRequest\"\x14\n\x12\x44rainServerRequest\"\x15\n\x13ResumeServerRequestb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/server_status.proto\x12\npepeseg.v1\x1a\x1egoogle/protobuf/duration.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x1cpepeseg/v1/job_service.proto\"\xdf\x08\n\x0cServerStatus\x12\x0f\n\x07version\x18\x01 \x01(\t\x12\x0e\n\x06\x64\x65vice\x18\x02 \x01(\t\x12.\n\nstart_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x10\n\x08\x64raining\x18\x04 \x01(\x08\x12\x16\n\x0eresident_bytes\x18\x05 \x01(\x03\x12\x17\n\x0fnum_descriptors\x18\x06 \x01(\x05\x12\x13\n\x0bnum_threads\x18\x07 \x01(\x05\x12,\n\x05pools\x18\x08 \x03(\x0b\x32\x1d.pepeseg.v1.ServerStatus.Pool\x12\x13\n\x0bnum_streams\x18\t \x01(\x05\x12\x17\n\x0f\x64isk_free_bytes\x18\n \x01(\x03\x12%\n\x0crunning_jobs\x18\x0b \x03(\x0b\x32\x0f.pepeseg.v1.Job\x12\x17\n\x0fnum_queued_jobs\x18\x0c \x01(\x03\x12\x1a\n\x12queries_per_second\x18\r \x01(\x01\x12,\n\tquery_p50\x18\x0e \x01(\x0b\x32\x19.google.protobuf.Duration\x12,\n\tquery_p99\x18\x0f \x01(\x0b\x32\x19.google.protobuf.Duration\x12:\n\x0c\x66ind_sources\x18\x10 \x01(\x0b\x32$.pepeseg.v1.ServerStatus.FindSources\x12\x30\n\x07\x64\x65vices\x18\x11 \x03(\x0b\x32\x1f.pepeseg.v1.ServerStatus.Device\x1a\x82\x01\n\x04Pool\x12+\n\x04work\x18\x01 \x01(\x0e\x32\x1d.pepeseg.v1.ServerStatus.Work\x12\x13\n\x0bnum_threads\x18\x02 \x01(\x05\x12\x10\n\x08num_busy\x18\x03 \x01(\x05\x12\x12\n\nnum_queued\x18\x04 \x01(\x05\x12\x12\n\nmax_queued\x18\x05 \x01(\x05\x1a\x65\n\x0b\x46indSources\x12\x10\n\x08synonyms\x18\x01 \x01(\x08\x12\x1a\n\x12num_detector_words\x18\x02 \x01(\x05\x12\x14\n\x0ctext_command\x18\x03 \x01(\x08\x12\x12\n\nappearance\x18\x04 \x01(\x08\x1a\xa0\x01\n\x06\x44\x65vice\x12\n\n\x02id\x18\x01 \x01(\t\x12\x0c\n\x04name\x18\x02 \x01(\t\x12\x0b\n\x03job\x18\x03 \x01(\t\x12\x12\n\nnum_models\x18\x04 \x01(\x05\x12\x13\n\x0bmodel_bytes\x18\x05 \x01(\x03\x12\x19\n\x11model_limit_bytes\x18\x06 \x01(\x03\x12+\n\x08job_time\x18\x07 \x01(\x0b\x32\x19.google.protobuf.Duration\"\x94\x01\n\x04Work\x12\x14\n\x10WORK_UNSPECIFIED\x10\x00\x12\x0b\n\x07WORK_IO\x10\x01\x12\x0e\n\nWORK_QUERY\x10\x02\x12\x13\n\x0fWORK_EVALUATION\x10\x03\x12\x0f\n\x0bWORK_UPLOAD\x10\x04\x12\x0f\n\x0bWORK_BORDER\x10\x05\x12\x13\n\x0fWORK_CORRECTION\x10\x06\x12\r\n\tWORK_FIND\x10\x07\"\x18\n\x16GetServerStatusRequest\"\x14\n\x12\x44rainServerRequest\"\x15\n\x13ResumeServerRequestb\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.server_status_pb2', globals())
@@ -24,17 +24,19 @@ if _descriptor._USE_C_DESCRIPTORS == False:
 
   DESCRIPTOR._options = None
   _SERVERSTATUS._serialized_start=142
-  _SERVERSTATUS._serialized_end=1048
-  _SERVERSTATUS_POOL._serialized_start=664
-  _SERVERSTATUS_POOL._serialized_end=794
-  _SERVERSTATUS_FINDSOURCES._serialized_start=796
-  _SERVERSTATUS_FINDSOURCES._serialized_end=897
-  _SERVERSTATUS_WORK._serialized_start=900
-  _SERVERSTATUS_WORK._serialized_end=1048
-  _GETSERVERSTATUSREQUEST._serialized_start=1050
-  _GETSERVERSTATUSREQUEST._serialized_end=1074
-  _DRAINSERVERREQUEST._serialized_start=1076
-  _DRAINSERVERREQUEST._serialized_end=1096
-  _RESUMESERVERREQUEST._serialized_start=1098
-  _RESUMESERVERREQUEST._serialized_end=1119
+  _SERVERSTATUS._serialized_end=1261
+  _SERVERSTATUS_POOL._serialized_start=714
+  _SERVERSTATUS_POOL._serialized_end=844
+  _SERVERSTATUS_FINDSOURCES._serialized_start=846
+  _SERVERSTATUS_FINDSOURCES._serialized_end=947
+  _SERVERSTATUS_DEVICE._serialized_start=950
+  _SERVERSTATUS_DEVICE._serialized_end=1110
+  _SERVERSTATUS_WORK._serialized_start=1113
+  _SERVERSTATUS_WORK._serialized_end=1261
+  _GETSERVERSTATUSREQUEST._serialized_start=1263
+  _GETSERVERSTATUSREQUEST._serialized_end=1287
+  _DRAINSERVERREQUEST._serialized_start=1289
+  _DRAINSERVERREQUEST._serialized_end=1309
+  _RESUMESERVERREQUEST._serialized_start=1311
+  _RESUMESERVERREQUEST._serialized_end=1332
 # @@protoc_insertion_point(module_scope)

@@ -22,9 +22,26 @@ class ResumeServerRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class ServerStatus(_message.Message):
-    __slots__ = ["device", "disk_free_bytes", "draining", "find_sources", "num_descriptors", "num_queued_jobs", "num_streams", "num_threads", "pools", "queries_per_second", "query_p50", "query_p99", "resident_bytes", "running_jobs", "start_time", "version"]
+    __slots__ = ["device", "devices", "disk_free_bytes", "draining", "find_sources", "num_descriptors", "num_queued_jobs", "num_streams", "num_threads", "pools", "queries_per_second", "query_p50", "query_p99", "resident_bytes", "running_jobs", "start_time", "version"]
     class Work(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = []
+    class Device(_message.Message):
+        __slots__ = ["id", "job", "job_time", "model_bytes", "model_limit_bytes", "name", "num_models"]
+        ID_FIELD_NUMBER: _ClassVar[int]
+        JOB_FIELD_NUMBER: _ClassVar[int]
+        JOB_TIME_FIELD_NUMBER: _ClassVar[int]
+        MODEL_BYTES_FIELD_NUMBER: _ClassVar[int]
+        MODEL_LIMIT_BYTES_FIELD_NUMBER: _ClassVar[int]
+        NAME_FIELD_NUMBER: _ClassVar[int]
+        NUM_MODELS_FIELD_NUMBER: _ClassVar[int]
+        id: str
+        job: str
+        job_time: _duration_pb2.Duration
+        model_bytes: int
+        model_limit_bytes: int
+        name: str
+        num_models: int
+        def __init__(self, id: _Optional[str] = ..., name: _Optional[str] = ..., job: _Optional[str] = ..., num_models: _Optional[int] = ..., model_bytes: _Optional[int] = ..., model_limit_bytes: _Optional[int] = ..., job_time: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ...) -> None: ...
     class FindSources(_message.Message):
         __slots__ = ["appearance", "num_detector_words", "synonyms", "text_command"]
         APPEARANCE_FIELD_NUMBER: _ClassVar[int]
@@ -49,6 +66,7 @@ class ServerStatus(_message.Message):
         num_threads: int
         work: ServerStatus.Work
         def __init__(self, work: _Optional[_Union[ServerStatus.Work, str]] = ..., num_threads: _Optional[int] = ..., num_busy: _Optional[int] = ..., num_queued: _Optional[int] = ..., max_queued: _Optional[int] = ...) -> None: ...
+    DEVICES_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     DISK_FREE_BYTES_FIELD_NUMBER: _ClassVar[int]
     DRAINING_FIELD_NUMBER: _ClassVar[int]
@@ -74,6 +92,7 @@ class ServerStatus(_message.Message):
     WORK_UNSPECIFIED: ServerStatus.Work
     WORK_UPLOAD: ServerStatus.Work
     device: str
+    devices: _containers.RepeatedCompositeFieldContainer[ServerStatus.Device]
     disk_free_bytes: int
     draining: bool
     find_sources: ServerStatus.FindSources
@@ -89,4 +108,4 @@ class ServerStatus(_message.Message):
     running_jobs: _containers.RepeatedCompositeFieldContainer[_job_service_pb2.Job]
     start_time: _timestamp_pb2.Timestamp
     version: str
-    def __init__(self, version: _Optional[str] = ..., device: _Optional[str] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., draining: bool = ..., resident_bytes: _Optional[int] = ..., num_descriptors: _Optional[int] = ..., num_threads: _Optional[int] = ..., pools: _Optional[_Iterable[_Union[ServerStatus.Pool, _Mapping]]] = ..., num_streams: _Optional[int] = ..., disk_free_bytes: _Optional[int] = ..., running_jobs: _Optional[_Iterable[_Union[_job_service_pb2.Job, _Mapping]]] = ..., num_queued_jobs: _Optional[int] = ..., queries_per_second: _Optional[float] = ..., query_p50: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., query_p99: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., find_sources: _Optional[_Union[ServerStatus.FindSources, _Mapping]] = ...) -> None: ...
+    def __init__(self, version: _Optional[str] = ..., device: _Optional[str] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., draining: bool = ..., resident_bytes: _Optional[int] = ..., num_descriptors: _Optional[int] = ..., num_threads: _Optional[int] = ..., pools: _Optional[_Iterable[_Union[ServerStatus.Pool, _Mapping]]] = ..., num_streams: _Optional[int] = ..., disk_free_bytes: _Optional[int] = ..., running_jobs: _Optional[_Iterable[_Union[_job_service_pb2.Job, _Mapping]]] = ..., num_queued_jobs: _Optional[int] = ..., queries_per_second: _Optional[float] = ..., query_p50: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., query_p99: _Optional[_Union[_duration_pb2.Duration, _Mapping]] = ..., find_sources: _Optional[_Union[ServerStatus.FindSources, _Mapping]] = ..., devices: _Optional[_Iterable[_Union[ServerStatus.Device, _Mapping]]] = ...) -> None: ...
