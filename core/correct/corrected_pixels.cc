@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "core/base/status_macros.h"
-#include "core/correct/on_threads.h"
+#include "core/base/on_threads.h"
 #include "core/render/feature_maps.h"
 #include "kernels/ops/render.h"
 

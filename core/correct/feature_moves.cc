@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/correct/on_threads.h"
+#include "core/base/on_threads.h"
 
 namespace pepeseg {
 namespace {

@@ -5,7 +5,7 @@
 #include <random>
 #include <utility>
 
-#include "core/correct/on_threads.h"
+#include "core/base/on_threads.h"
 #include "kernels/ops/render.h"
 
 namespace pepeseg {

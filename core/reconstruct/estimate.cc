@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/reconstruct/few_visits.h"
 #include "core/reconstruct/gaussian_state.h"
 #include "core/reconstruct/pixel_budget.h"
 #include "core/reconstruct/step_queue.h"
@@ -17,8 +18,9 @@ namespace {
 // Returns the options that the training uses for photographs of this size.
 ReconstructOptions Budgeted(const TrainingSize& size, const ReconstructOptions& options) {
   const auto num_views = static_cast<double>(std::max<int64_t>(1, size.num_views));
-  return WithPixelBudget(options, {static_cast<double>(size.num_training_views),
-                                   static_cast<double>(size.num_pixels) / num_views});
+  const ViewPixels views = {static_cast<double>(size.num_training_views),
+                            static_cast<double>(size.num_pixels) / num_views};
+  return WithFewVisits(WithPixelBudget(options, views), views);
 }
 
 bool ControlsDensity(const ReconstructOptions& options) {
@@ -112,13 +114,15 @@ MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
   const int64_t state = GaussianState::Bytes(first, most, options.sh_degree);
   constexpr int64_t kPlanRow = sizeof(int32_t) + 1 + 6 * sizeof(float);
   const bool twice = ControlsDensity(options);
-  const int64_t num_slots = StepsAtOnce(backend, options, size.max_pixels);
   // The rendered colours and their gradients, and what a render takes.
-  const int64_t slot = 2 * 3 * size.max_pixels * static_cast<int64_t>(sizeof(float)) +
-                       backend.ScratchBytes(TypicalScratch(most, size.max_pixels));
+  int64_t slots = 0;
+  for (const int64_t pixels : SlotPixels(backend, options, size.max_pixels)) {
+    slots += 2 * 3 * pixels * static_cast<int64_t>(sizeof(float)) +
+             backend.ScratchBytes(TypicalScratch(most, pixels));
+  }
   MemoryNeed need;
   need.device_bytes = ViewBytes(size, options) +
-                      (twice ? 2 * state + kPlanRow * most * 5 / 4 : state) + num_slots * slot +
+                      (twice ? 2 * state + kPlanRow * most * 5 / 4 : state) + slots +
                       RefinerBytes(backend, size, options);
   // The result, a checkpoint that is being written, and the points with their k-d tree.
   const int64_t planes = NumPlanes(options.sh_degree) * static_cast<int64_t>(sizeof(float));

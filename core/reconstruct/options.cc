@@ -21,6 +21,8 @@ void VisitOptions(ReconstructOptions& o, OptionVisitor visit) {
   visit({"rotation_learning_rate", &o.rotation_learning_rate, kRate});
   visit({"opacity_learning_rate", &o.opacity_learning_rate, kRate});
   visit({"sh_learning_rate", &o.sh_learning_rate, kRate});
+  visit({"second_moment_decay", &o.second_moment_decay, Range{0.5, 0.9999}});
+  visit({"few_visits", &o.few_visits, kSize});
   visit({"dropout", &o.dropout, Range{0, 0.9}});
   visit({"dropout_until", &o.dropout_until, kShare});
   visit({"blurred_share", &o.blurred_share, kShare});

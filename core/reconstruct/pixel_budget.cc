@@ -10,14 +10,22 @@ namespace {
 // a sixteenth, half of them a quarter (Schedule::ShrinkAt).
 constexpr double kCoarseShare = (1.0 / 16 + 1.0 / 4) / 2;
 
+// Where photographs are so many that full_size_visits leaves less, this share of the steps may
+// still be done on smaller ones (tests/bench/results/real_size.md).
+constexpr double kCoarseAnyway = 0.5;
+
 }  // namespace
+
+double MegapixelsPerStep(const ReconstructOptions& options, const ViewPixels& views) {
+  return 1e-6 * views.pixels * (1 - options.coarse_until * (1 - kCoarseShare));
+}
 
 ReconstructOptions WithPixelBudget(ReconstructOptions options, const ViewPixels& views) {
   const double before = options.coarse_until;
   if (options.megapixels_per_step <= 0 || views.pixels <= 0) return options;
   const double needed = (1 - 1e6 * options.megapixels_per_step / views.pixels) / (1 - kCoarseShare);
   const double visits = options.full_size_visits * views.num_views;
-  const double allowed = std::min(kMaxCoarseUntil, 1 - visits / options.num_steps);
+  const double allowed = std::clamp(1 - visits / options.num_steps, kCoarseAnyway, kMaxCoarseUntil);
   options.coarse_until = std::max(before, std::min(needed, allowed));
   if (options.coarse_until == before) return options;
   const double raised = (options.coarse_until - before) / (1 - before);
@@ -25,7 +33,7 @@ ReconstructOptions WithPixelBudget(ReconstructOptions options, const ViewPixels&
   return options;
 }
 
-ReconstructOptions WithPixelBudget(const ReconstructOptions& options, const Capture& capture) {
+ViewPixels TrainingViewPixels(const Capture& capture) {
   ViewPixels views;
   for (const View& view : capture.views) {
     if (view.held_out) continue;
@@ -33,7 +41,7 @@ ReconstructOptions WithPixelBudget(const ReconstructOptions& options, const Capt
     ++views.num_views;
   }
   if (views.num_views > 0) views.pixels /= views.num_views;
-  return WithPixelBudget(options, views);
+  return views;
 }
 
 }  // namespace pepeseg

@@ -14,13 +14,16 @@ inline constexpr double kMaxCoarseUntil = 0.95;
 struct ViewPixels {
   double num_views = 0, pixels = 0;
 };
+ViewPixels TrainingViewPixels(const Capture& capture);
+
+// Returns the megapixels that a step renders on average.
+double MegapixelsPerStep(const ReconstructOptions& options, const ViewPixels& views);
 
 // Returns the options with coarse_until raised until steps render at most megapixels_per_step on
-// average, but only as far as full_size_visits and kMaxCoarseUntil allow, and with
+// average, but only as far as full_size_visits and kMaxCoarseUntil allow (full_size_visits always
+// allows a half), and with
 // pixels_per_gaussian raised with it, by up to 4: a photograph at half of its size has a quarter of
 // the pixels. Unchanged where megapixels_per_step is 0 or the steps have fewer pixels.
 ReconstructOptions WithPixelBudget(ReconstructOptions options, const ViewPixels& views);
-// The same for the training views of a capture.
-ReconstructOptions WithPixelBudget(const ReconstructOptions& options, const Capture& capture);
 
 }  // namespace pepeseg

@@ -1,7 +1,9 @@
 #include "core/reconstruct/preparation.h"
 
+#include "absl/strings/str_cat.h"
 #include "core/reconstruct/blurred_views.h"
 #include "core/reconstruct/depth_term.h"
+#include "core/reconstruct/few_visits.h"
 #include "core/reconstruct/pixel_budget.h"
 #include "core/reconstruct/scene_needs.h"
 
@@ -10,12 +12,29 @@ namespace {
 
 constexpr double kNearPlane = 0.01;  // scene radii
 
+ReconstructOptions OptionsFor(const Capture& capture, const ReconstructOptions& given) {
+  const ViewPixels views = TrainingViewPixels(capture);
+  return WithFewVisits(WithPixelBudget(WithDepthWeight(given, capture), views), views);
+}
+
+std::vector<SkippedPart> SkippedParts(const ReconstructOptions& given,
+                                      const ReconstructOptions& options, const Capture& capture) {
+  std::vector<SkippedPart> skipped = SkippedParts(given, capture);
+  if (const int saved = given.num_steps - options.num_steps; saved > 0) {
+    skipped.push_back({Part::kSteps,
+                       absl::StrCat("on ", capture.views.size(), " large photographs ",
+                                    options.num_steps, " steps suffice with raised rates"),
+                       0, saved});
+  }
+  return skipped;
+}
+
 }  // namespace
 
 PreparedScene::PreparedScene(Backend& backend, const Capture& capture,
                              const ReconstructOptions& given, std::mt19937_64& random)
-    : options(WithPixelBudget(WithDepthWeight(given, capture), capture)),
-      skipped(SkippedParts(given, capture)),
+    : options(OptionsFor(capture, given)),
+      skipped(SkippedParts(given, options, capture)),
       radius(SceneRadius(capture)),
       near_plane(static_cast<float>(kNearPlane * radius)),
       points(StartingPoints(capture, options, random)),

@@ -21,7 +21,7 @@ struct PreparedScene {
   PreparedScene(Backend& backend, const Capture& capture, const ReconstructOptions& given,
                 std::mt19937_64& random);
 
-  const ReconstructOptions options;        // with the pixel budget and the depth weight filled in
+  const ReconstructOptions options;        // as this capture needs them, see OptionsFor
   const std::vector<SkippedPart> skipped;  // parts that the capture lacks what they need for
   const double radius;                     // scene units, see SceneRadius
   const float near_plane;                  // scene units

@@ -21,6 +21,18 @@ int StepsAtOnce(const Backend& backend, const ReconstructOptions& options, int64
   return static_cast<int>(std::clamp<int64_t>(needed, 1, most));
 }
 
+std::vector<int64_t> SlotPixels(const Backend& backend, const ReconstructOptions& options,
+                                int64_t max_pixels) {
+  std::vector<int64_t> pixels;
+  for (const int shrink : {1, 2, 4}) {  // see Schedule::ShrinkAt
+    if (shrink > 1 && options.coarse_until <= 0) break;
+    const int64_t most = max_pixels / (int64_t{shrink} * shrink);
+    const auto num_steps = static_cast<size_t>(StepsAtOnce(backend, options, most));
+    if (num_steps > pixels.size()) pixels.resize(num_steps, most);
+  }
+  return pixels;
+}
+
 StepQueue::StepQueue(Backend& backend, const PreparedScene& scene, DepthTerm& depth_term,
                      GaussianState& gaussians)
     : backend_(backend),
@@ -28,15 +40,20 @@ StepQueue::StepQueue(Backend& backend, const PreparedScene& scene, DepthTerm& de
       depth_term_(depth_term),
       gaussians_(gaussians),
       slots_(MakeSlots(backend, scene)),
-      results_(backend, steps_at_once()),
+      results_(backend, static_cast<int>(slots_.size())),
       entry_capacities_(scene.views.size()) {}
 
 std::deque<StepQueue::Slot> StepQueue::MakeSlots(Backend& backend, const PreparedScene& scene) {
-  const int64_t max_pixels = scene.views.max_pixels();
-  const int num_slots = StepsAtOnce(backend, scene.options, max_pixels);
   std::deque<Slot> slots;
-  for (int slot = 0; slot < num_slots; ++slot) slots.emplace_back(backend, max_pixels);
+  for (const int64_t pixels : SlotPixels(backend, scene.options, scene.views.max_pixels())) {
+    slots.emplace_back(backend, pixels);
+  }
   return slots;
+}
+
+int StepQueue::steps_at_once(int shrink) const {
+  const int64_t pixels = scene_.views.max_pixels() / (int64_t{shrink} * shrink);
+  return StepsAtOnce(backend_, scene_.options, pixels);
 }
 
 bool StepQueue::allocated() const {
@@ -146,6 +163,7 @@ void StepQueue::QueueUpdates(std::span<const StepInput> steps) {
   backend_.Update({.steps = updates,
                    .active_sh_degree = ShDegreeAt(position),
                    .learning_rates = scene_.schedule.RatesAt(position),
+                   .beta2 = scene_.options.second_moment_decay,
                    .min_log_scale = scene_.log_scales.min,
                    .max_log_scale = scene_.log_scales.max,
                    .gaussians = gaussians_.parameters(),

@@ -4,6 +4,7 @@
 #include <deque>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "core/reconstruct/depth_term.h"
 #include "core/reconstruct/gaussian_state.h"
@@ -19,6 +20,11 @@ namespace pepeseg {
 // `max_pixels` need to fill a device. 1 with a depth loss, whose images all steps share.
 int StepsAtOnce(const Backend& backend, const ReconstructOptions& options, int64_t max_pixels);
 
+// Returns the pixels that each slot of a StepQueue has room for, largest first: smaller photographs
+// are trained on in more steps at once.
+std::vector<int64_t> SlotPixels(const Backend& backend, const ReconstructOptions& options,
+                                int64_t max_pixels);
+
 // Does steps of stage one on the device (METHOD.md section 1): render, loss and backward pass of
 // each, then Adam. The host is ahead of the device; Pop returns what a step reported once the
 // device has finished it. To be used by one thread at a time. All that is passed to the constructor
@@ -30,13 +36,14 @@ class StepQueue {
 
   // False: the backend is out of memory.
   bool allocated() const;
-  int steps_at_once() const { return static_cast<int>(slots_.size()); }
+  // Number of steps on photographs at 1 / `shrink` of their size that may be done at once.
+  int steps_at_once(int shrink) const;
   bool empty() const { return results_.empty(); }
   // True: Pop before the next Train.
   bool full() const { return results_.full(); }
 
-  // Queues steps that are done at once: at least one, and steps_at_once() at most. All find their
-  // gradients with the Gaussians as they are now.
+  // Queues steps that are done at once: at least one, and as many as steps_at_once at
+  // most, all at the same size. All find their gradients with the Gaussians as they are now.
   void Train(std::span<const StepInput> steps);
   // Returns the result of the oldest step; waits for it. A step whose render overflowed its
   // tile-entry capacity has changed nothing: it is queued again, now with as much as it needs, and
@@ -52,7 +59,7 @@ class StepQueue {
           loss_sums(backend, kNumLossSums) {}
 
     RenderScratch scratch;
-    Buffer<float> color, color_grad;  // [3, H, W] of the largest view
+    Buffer<float> color, color_grad;  // [3, H, W] of the largest view in it
     Buffer<double> loss_sums;         // [kNumLossSums]
   };
 

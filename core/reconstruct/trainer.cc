@@ -208,8 +208,11 @@ bool GaussianTrainer::ChangesGaussiansAfter(int position) const {
 
 // Returns the position behind the steps that are done at once from position_ on.
 int GaussianTrainer::EndOfSteps() const {
+  const int shrink = scene_.schedule.ShrinkAt(position_);
+  const int most = queue_.steps_at_once(shrink);
   int end = position_ + 1;
-  while (end - position_ < queue_.steps_at_once() && !ChangesGaussiansAfter(end - 1)) {
+  while (end - position_ < most && !ChangesGaussiansAfter(end - 1) &&
+         scene_.schedule.ShrinkAt(end) == shrink) {
     ++end;
   }
   return end;

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/on_threads.h"
 #include "core/base/order_statistics.h"
 #include "core/scene/camera.h"
 
@@ -25,16 +26,22 @@ PinholeView Shrink(PinholeView view, int factor) {
 // Returns the photograph at 1 / `factor` of its size, averaged over blocks; cropped to whole ones.
 std::vector<uint8_t> ShrinkPhoto(const Image& photo, int factor) {
   const int width = photo.width / factor, height = photo.height / factor;
-  const int area = factor * factor;
+  const auto area = static_cast<uint16_t>(factor * factor);
   std::vector<uint8_t> small(static_cast<size_t>(3) * width * height);
-  for (int64_t i = 0; i < static_cast<int64_t>(small.size()); ++i) {
-    const int64_t channel = i % 3, x = i / 3 % width, y = i / 3 / width;
-    int sum = area / 2;  // rounds to nearest
-    for (int k = 0; k < area; ++k) {
-      const int64_t row = y * factor + k / factor, column = x * factor + k % factor;
-      sum += photo.pixels[(row * photo.width + column) * 3 + channel];
+  std::vector<uint16_t> sums(static_cast<size_t>(3) * width);
+  for (int y = 0; y < height; ++y) {
+    std::ranges::fill(sums, static_cast<uint16_t>(area / 2));  // rounds to nearest
+    for (int k = 0; k < factor; ++k) {
+      const uint8_t* pixel =
+          photo.pixels.data() + static_cast<size_t>(3) * photo.width * (y * factor + k);
+      for (int x = 0; x < width; ++x) {
+        for (int j = 0; j < factor; ++j, pixel += 3) {
+          for (int c = 0; c < 3; ++c) sums[3 * x + c] += pixel[c];
+        }
+      }
     }
-    small[i] = static_cast<uint8_t>(sum / area);
+    uint8_t* row = small.data() + static_cast<size_t>(3) * width * y;
+    for (size_t i = 0; i < sums.size(); ++i) row[i] = static_cast<uint8_t>(sums[i] / area);
   }
   return small;
 }
@@ -113,13 +120,11 @@ Buffer<T> UploadOrNothing(Backend& backend, const std::vector<T>& values) {
   return buffer;
 }
 
-TrainingView Upload(Backend& backend, const View& view, int factor) {
-  const std::vector<uint8_t> photo =
-      factor == 1 ? view.photo.pixels : ShrinkPhoto(view.photo, factor);
+TrainingView Upload(Backend& backend, const View& view, int factor, const ShrunkView& shrunk) {
   TrainingView out;
   out.pinhole = Shrink(ToPinholeView(view.camera, view.cam_from_world), factor);
-  out.photo = UploadOrNothing(backend, photo);
-  out.ignore = UploadOrNothing(backend, ShrinkIgnore(view, factor));
+  out.photo = UploadOrNothing(backend, factor == 1 ? view.photo.pixels : shrunk.photo);
+  out.ignore = UploadOrNothing(backend, factor == 1 ? view.ignore : shrunk.ignore);
   return out;
 }
 
@@ -168,27 +173,45 @@ absl::Status CheckTrainable(const Capture& capture) {
 }
 
 // Uploads each training view at 1, 1/2 and 1/4 of its size, or at full size only. The same buffers
-// serve all steps: photographs are never uploaded twice.
+// serve all steps: photographs are never uploaded twice. Views are shrunk on all threads, a few at
+// a time, so that few shrunk ones are in memory.
 TrainingViews::TrainingViews(Backend& backend, const Capture& capture,
                              const TrainingViewsOptions& options) {
+  constexpr size_t kAtATime = 64;
+  std::vector<const View*> views;
   for (const View& view : capture.views) {
-    if (view.held_out) continue;
-    const bool with_prior = options.with_depth && HasGeometryPrior(view);
-    auto& sizes = views_.emplace_back();
-    for (int size = 0; size < (options.coarse ? kNumSizes : 1); ++size) {
-      // Index k has 1 / 2^k of the size, see Schedule::ShrinkAt.
-      sizes[size] = Upload(backend, view, 1 << size);
-      sizes[size].inverse_depth = with_prior && options.disparity_as_inverse_depth &&
-                                  view.depth.kind == DepthPrior::Kind::kDisparity;
-      if (with_prior) UploadPrior(backend, view, 1 << size, sizes[size]);
-      const PinholeView& pinhole = sizes[size].pinhole;
-      const int64_t num_pixels = static_cast<int64_t>(pinhole.width) * pinhole.height;
-      if (size == 0) num_pixels_ += num_pixels;
-      max_pixels_ = std::max(max_pixels_, num_pixels);
-      allocated_ = allocated_ && sizes[size].photo.size() == 3 * num_pixels &&
-                   (view.ignore.empty() || sizes[size].ignore.size() == num_pixels) &&
-                   (!with_prior || sizes[size].prior.size() == num_pixels);
-    }
+    if (!view.held_out) views.push_back(&view);
+  }
+  for (size_t first = 0; first < views.size(); first += kAtATime) {
+    const size_t count = std::min(kAtATime, views.size() - first);
+    std::vector<std::array<ShrunkView, kNumSizes>> shrunk(count);
+    OnThreads(options.coarse ? count : 0, [&](size_t i) {
+      const View& view = *views[first + i];
+      for (int size = 1; size < kNumSizes; ++size) {
+        shrunk[i][size] = {ShrinkPhoto(view.photo, 1 << size), ShrinkIgnore(view, 1 << size)};
+      }
+    });
+    for (size_t i = 0; i < count; ++i) Add(backend, *views[first + i], options, shrunk[i]);
+  }
+}
+
+void TrainingViews::Add(Backend& backend, const View& view, const TrainingViewsOptions& options,
+                        const std::array<ShrunkView, kNumSizes>& shrunk) {
+  const bool with_prior = options.with_depth && HasGeometryPrior(view);
+  auto& sizes = views_.emplace_back();
+  for (int size = 0; size < (options.coarse ? kNumSizes : 1); ++size) {
+    // Index k has 1 / 2^k of the size, see Schedule::ShrinkAt.
+    sizes[size] = Upload(backend, view, 1 << size, shrunk[size]);
+    sizes[size].inverse_depth = with_prior && options.disparity_as_inverse_depth &&
+                                view.depth.kind == DepthPrior::Kind::kDisparity;
+    if (with_prior) UploadPrior(backend, view, 1 << size, sizes[size]);
+    const PinholeView& pinhole = sizes[size].pinhole;
+    const int64_t num_pixels = static_cast<int64_t>(pinhole.width) * pinhole.height;
+    if (size == 0) num_pixels_ += num_pixels;
+    max_pixels_ = std::max(max_pixels_, num_pixels);
+    allocated_ = allocated_ && sizes[size].photo.size() == 3 * num_pixels &&
+                 (view.ignore.empty() || sizes[size].ignore.size() == num_pixels) &&
+                 (!with_prior || sizes[size].prior.size() == num_pixels);
   }
 }
 

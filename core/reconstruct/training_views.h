@@ -27,6 +27,11 @@ struct TrainingView {
   bool inverse_depth = false;          // the prior is compared with 1 / z: it is a disparity
 };
 
+// Photograph and ignore mask of a view at a smaller size, before they are uploaded.
+struct ShrunkView {
+  std::vector<uint8_t> photo, ignore;
+};
+
 struct TrainingViewsOptions {
   bool coarse = false;      // also at 1/2 and 1/4 of the size
   bool with_depth = false;  // with the depth priors
@@ -50,6 +55,9 @@ class TrainingViews {
 
  private:
   static constexpr int kNumSizes = 3;
+  void Add(Backend& backend, const View& view, const TrainingViewsOptions& options,
+           const std::array<ShrunkView, kNumSizes>& shrunk);
+
   std::vector<std::array<TrainingView, kNumSizes>> views_;  // by shrink / 2
   int64_t max_pixels_ = 0, num_pixels_ = 0;
   bool allocated_ = true;

@@ -16,8 +16,8 @@ constexpr uint64_t kMagic = 0x32706163'65706570;  // "pepecap2"
 // A single walk over the fields serves reading and writing.
 class PackFile {
  public:
-  PackFile(const std::string& path, bool writing)
-      : file_(gzopen(path.c_str(), writing ? "wb6" : "rb")), writing_(writing) {
+  PackFile(const std::string& path, const char* mode)
+      : file_(gzopen(path.c_str(), mode)), writing_(mode[0] == 'w') {
     ok_ = file_ != nullptr;
   }
   ~PackFile() {
@@ -109,15 +109,15 @@ bool Walk(PackFile& file, CapturePack& pack) {
 
 }  // namespace
 
-absl::Status WriteCapturePack(const std::string& path, const CapturePack& pack) {
-  PackFile file(path, true);
+absl::Status WriteCapturePack(const std::string& path, const CapturePack& pack, bool compressed) {
+  PackFile file(path, compressed ? "wb6" : "wbT");
   CapturePack copy = pack;
   if (Walk(file, copy)) return absl::OkStatus();
   return absl::UnavailableError(absl::StrCat(path, ": cannot be written"));
 }
 
 absl::StatusOr<CapturePack> ReadCapturePack(const std::string& path) {
-  PackFile file(path, false);
+  PackFile file(path, "rb");
   CapturePack pack;
   if (Walk(file, pack)) return pack;
   return absl::InvalidArgumentError(absl::StrCat(path, ": not a whole capture pack of this build"));

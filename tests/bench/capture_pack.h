@@ -18,13 +18,14 @@ struct TruthLevel {
       labels;  // by view, [height, width]; empty: the view has no labels
 };
 
-// A scene as one gzip file, for benches on machines without image codecs. Not a stable format: only
-// the build that wrote a file can read it.
+// A scene as one gzip file, or the same bytes without compression, for benches on machines without
+// image codecs. Not a stable format: only the build that wrote a file can read it.
 struct CapturePack {
   Capture capture;
   std::vector<TruthLevel> truth;
 };
-absl::Status WriteCapturePack(const std::string& path, const CapturePack& pack);
+absl::Status WriteCapturePack(const std::string& path, const CapturePack& pack,
+                              bool compressed = true);
 absl::StatusOr<CapturePack> ReadCapturePack(const std::string& path);
 
 }  // namespace pepeseg

@@ -1,81 +1,73 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
-#include <optional>
-#include <string>
 #include <vector>
+
+#include "tests/bench/large_scene_rays.h"
 
 namespace pepeseg {
 
 // A ray-traced place with detail of many sizes, as photographs of a megapixel show it: thousands of
-// leaves, stones and small things, textures down to a pixel, shadows, gloss. World: x right, y down,
-// metres; the ground is at y = 0.
-
+// leaves, stones and small things, textures down to a pixel, shadows, gloss.
 enum class Place {
   kYard,      // bushes, grass, gravel, brick walls and hills under a sky
-  kWorkshop,  // shelves and a bench full of boxes, jars and tools in a closed room
+  kWorkshop,  // shelves and a bench full of boxes and balls in a closed room
 };
 
-// Pattern of two colours on a surface.
-struct Material {
-  Eigen::Vector3f color, other;  // linear, [0, 1]
-  float size = 0.1f;             // of the largest spots of the pattern, metres
-  bool bricks = false;           // courses of bricks of this height in place of spots
-  float gloss = 0;               // share of the light that is mirrored straight on
+// What a place is made of. The same for the same seed.
+struct PlacePieces {
+  std::vector<Material> materials;
+  std::vector<Piece> pieces;
+  int num_things = 0;
 };
-
-// A box or an ellipsoid: where |to_unit (p - center)| <= 1, by the largest coordinate or the length.
-struct Piece {
-  Eigen::Matrix3f to_unit;
-  Eigen::Vector3f center;
-  bool is_box = false;
-  uint16_t material = 0;
-  uint16_t thing = 0;  // label from 1 on; 0: surroundings
-};
-
-struct LargeHit {
-  float distance = 0;  // in lengths of the direction
-  const Piece* piece = nullptr;
-  Eigen::Vector3f normal;  // of length 1, towards the ray's origin
-};
+PlacePieces MakePlace(Place place, uint64_t seed);
 
 class LargeScene {
  public:
-  // The same place for the same seed.
   LargeScene(Place place, uint64_t seed);
 
-  std::optional<LargeHit> Trace(const Eigen::Vector3f& origin,
-                                const Eigen::Vector3f& direction) const;
-  // Returns the linear colour that a ray sees. `spread`: width of a pixel at distance 1.
-  Eigen::Vector3f Color(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction,
-                        float spread) const;
-
+  SceneSpans spans() const {
+    return {pieces_.data(), num_large_, nodes_.data(), materials_.data(), has_sky_, to_lamp_};
+  }
   int num_things() const { return num_things_; }
-  size_t num_pieces() const { return pieces_.size(); }
+  const std::vector<Piece>& pieces() const { return pieces_; }
+  const std::vector<PieceNode>& nodes() const { return nodes_; }
+  const std::vector<Material>& materials() const { return materials_; }
 
  private:
-  // A box of the hierarchy. A leaf has `count` pieces from `first` on; else count is 0 and its
-  // children are the node after it and the node `first`.
-  struct Node {
-    Eigen::Vector3f low, high;
-    int first = 0, count = 0;
-  };
+  void BuildNode(int first, int end);
 
-  void BuildNode(int first, int end, int depth);
-  std::optional<LargeHit> Walk(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction,
-                               float most, bool any) const;
-  Eigen::Vector3f SkyColor(const Eigen::Vector3f& direction) const;
-  Eigen::Vector3f PatternColor(const Material& material, const Eigen::Vector3f& at,
-                               float footprint) const;
-
-  Place place_;
-  Eigen::Vector3f to_lamp_;
+  bool has_sky_;
+  Float3 to_lamp_;
   int num_things_ = 0;
-  std::vector<Material> materials_;
-  std::vector<Piece> pieces_;  // large ones first, which no node has
   int num_large_ = 0;
-  std::vector<Node> nodes_;
+  std::vector<Material> materials_;
+  std::vector<Piece> pieces_;
+  std::vector<PieceNode> nodes_;
+};
+
+// A photograph and the label of each pixel's centre.
+struct ScenePicture {
+  std::vector<uint8_t> bgr;      // [height, width, 3]
+  std::vector<uint16_t> labels;  // [height, width]
+};
+ScenePicture PhotographScene(const LargeScene& scene, const SceneCamera& camera);
+// The same on a GPU; one thread at a time. Returns nothing where there is none.
+class ScenePhotographer {
+ public:
+  explicit ScenePhotographer(const LargeScene& scene);
+  ~ScenePhotographer();
+  ScenePhotographer(const ScenePhotographer&) = delete;
+  ScenePhotographer& operator=(const ScenePhotographer&) = delete;
+
+  bool ready() const { return ready_; }
+  ScenePicture Photograph(const SceneCamera& camera);
+
+ private:
+  bool ready_ = false;
+  SceneSpans spans_ = {};  // on the device
+  void *pieces_ = nullptr, *nodes_ = nullptr, *materials_ = nullptr;
 };
 
 }  // namespace pepeseg

@@ -1,9 +1,9 @@
-#include "tests/bench/large_scene_pieces.h"
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
 #include <random>
+
+#include "tests/bench/large_scene.h"
 
 namespace pepeseg {
 namespace {
@@ -18,7 +18,8 @@ class PlaceMaker {
   explicit PlaceMaker(uint64_t seed) : random_(seed) {}
 
   PlacePieces Yard() {
-    Solid(Vector3f(0, 40, 0), Vector3f(400, 40, 400), Add({Rgb(0.55, 0.48, 0.4), Rgb(0.12, 0.11, 0.09), 0.4f}));
+    Solid(Vector3f(0, 40, 0), Vector3f(400, 40, 400),
+          Add({Rgb(0.55, 0.48, 0.4), Rgb(0.12, 0.11, 0.09), 0.4f}));
     for (int i = 0; i < 14; ++i) Hill(2 * kPi * static_cast<float>(i) / 14);
     for (int i = 0; i < 3; ++i) BrickWall(i);
     for (int i = 0; i < 16; ++i) Bush();
@@ -49,11 +50,11 @@ class PlaceMaker {
     const auto share = static_cast<float>(static_cast<double>(random_() >> 11) * 0x1p-53);
     return low + (high - low) * share;
   }
-  Vector3f Rgb(double r, double g, double b) {
-    return Vector3f(static_cast<float>(r), static_cast<float>(g), static_cast<float>(b)) *
-           Uniform(0.85f, 1.1f);
+  Float3 Rgb(double r, double g, double b) {
+    return Uniform(0.85f, 1.1f) *
+           Float3{static_cast<float>(r), static_cast<float>(g), static_cast<float>(b)};
   }
-  Vector3f AnyColor() { return {Uniform(0.08f, 0.8f), Uniform(0.08f, 0.8f), Uniform(0.08f, 0.8f)}; }
+  Float3 AnyColor() { return {Uniform(0.08f, 0.8f), Uniform(0.08f, 0.8f), Uniform(0.08f, 0.8f)}; }
   // A point of the ground around the middle.
   Vector3f Disc(float radius) {
     const float angle = Uniform(0, 2 * kPi), r = radius * std::sqrt(Uniform(0, 1));
@@ -74,9 +75,11 @@ class PlaceMaker {
   }
   void Put(const Vector3f& center, const Vector3f& half, const Matrix3f& turn, bool is_box,
            int material, int thing) {
+    const Matrix3f to_unit = half.cwiseInverse().asDiagonal() * turn.transpose();
+    const auto row = [&](int k) { return Float3{to_unit(k, 0), to_unit(k, 1), to_unit(k, 2)}; };
     Piece piece;
-    piece.to_unit = half.cwiseInverse().asDiagonal() * turn.transpose();
-    piece.center = center;
+    piece.to_unit = {row(0), row(1), row(2)};
+    piece.center = {center.x(), center.y(), center.z()};
     piece.is_box = is_box;
     piece.material = static_cast<uint16_t>(material);
     piece.thing = static_cast<uint16_t>(thing);
@@ -161,8 +164,8 @@ class PlaceMaker {
     const Vector3f half(size, size * Uniform(0.4f, 2), size * Uniform(0.5f, 1.5f));
     at.y() -= half.y();
     const bool is_box = Uniform(0, 1) < 0.6f;
-    const int material = Add({AnyColor(), AnyColor(), Uniform(0.01f, 0.06f), Uniform(0, 1) < 0.1f,
-                              Uniform(0, 0.4f)});
+    const int material = Add(
+        {AnyColor(), AnyColor(), Uniform(0.01f, 0.06f), Uniform(0, 1) < 0.1f, Uniform(0, 0.4f)});
     const Matrix3f turn = About(Uniform(0, kPi));
     Put(at, half, turn, is_box, material, thing);
     if (!is_box) return;

@@ -1,14 +1,15 @@
 // Developer program: photographs a ray-traced place of real size and writes a dataset folder with
 // images/, sparse/0/ and label images of its things in masks/.
 
-#include <Eigen/Geometry>
 #include <CLI/CLI.hpp>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <mutex>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -33,20 +34,8 @@ struct CaptureOptions {
   uint64_t seed = 1;
 };
 
-struct Photographer {
-  Pose cam_from_world;
-  Vector3f center;
-  Eigen::Matrix3f world_from_cam;
-  float focal = 0, cx = 0, cy = 0;
-
-  // The direction through a point of the picture, 1 long along the camera's axis.
-  Vector3f Direction(float x, float y) const {
-    return world_from_cam * Vector3f((x - cx) / focal, (y - cy) / focal, 1);
-  }
-};
-
 // Returns view `index`: rounds at several heights and distances, looking across the middle.
-Photographer CameraAt(const CaptureOptions& options, int index) {
+SceneCamera CameraAt(const CaptureOptions& options, int index) {
   std::mt19937_64 random(options.seed * 1000 + static_cast<uint64_t>(index));
   const auto uniform = [&](float low, float high) {
     return low + (high - low) * static_cast<float>(static_cast<double>(random() >> 11) * 0x1p-53);
@@ -65,20 +54,12 @@ Photographer CameraAt(const CaptureOptions& options, int index) {
   rotation.row(0) = right;
   rotation.row(1) = forward.cross(right);
   rotation.row(2) = forward;
-  Photographer out;
-  out.center = eye;
-  out.world_from_cam = rotation.transpose();
-  const Eigen::Quaterniond quaternion(Eigen::Matrix3d(rotation.cast<double>()));
-  out.cam_from_world = {quaternion, -(quaternion * eye.cast<double>())};
-  out.focal = 0.8f * static_cast<float>(options.width);
-  out.cx = 0.5f * static_cast<float>(options.width);
-  out.cy = 0.5f * static_cast<float>(options.height);
-  return out;
-}
-
-uint8_t Encoded(float linear) {
-  return static_cast<uint8_t>(
-      std::lround(255 * std::pow(std::clamp(linear, 0.0f, 1.0f), 1 / 2.2f)));
+  const auto row = [&](int k) { return Float3{rotation(k, 0), rotation(k, 1), rotation(k, 2)}; };
+  return {{eye.x(), eye.y(), eye.z()},
+          {row(0), row(1), row(2)},
+          options.width,
+          options.height,
+          0.8f * static_cast<float>(options.width)};
 }
 
 std::string NameOf(int index) {
@@ -86,26 +67,11 @@ std::string NameOf(int index) {
   return std::string(4 - digits.size(), '0') + digits;
 }
 
-// Four rays a pixel for the photograph, one for the label.
-void WriteView(const LargeScene& scene, const CaptureOptions& options, int index) {
-  const Photographer camera = CameraAt(options, index);
-  const float spread = 1 / camera.focal;
+void WriteView(const ScenePicture& picture, const CaptureOptions& options, int index) {
   cv::Mat photo(options.height, options.width, CV_8UC3);
   cv::Mat labels(options.height, options.width, CV_16UC1);
-  for (int y = 0; y < options.height; ++y) {
-    for (int x = 0; x < options.width; ++x) {
-      Vector3f sum = Vector3f::Zero();
-      for (int k = 0; k < 4; ++k) {
-        const auto u = static_cast<float>(x) + (k % 2 == 0 ? 0.25f : 0.75f);
-        const auto v = static_cast<float>(y) + (k < 2 ? 0.25f : 0.75f);
-        sum += scene.Color(camera.center, camera.Direction(u, v), spread).cwiseMin(1.0f);
-      }
-      photo.at<cv::Vec3b>(y, x) = {Encoded(sum.z() / 4), Encoded(sum.y() / 4), Encoded(sum.x() / 4)};
-      const auto hit = scene.Trace(camera.center, camera.Direction(static_cast<float>(x) + 0.5f,
-                                                                   static_cast<float>(y) + 0.5f));
-      labels.at<uint16_t>(y, x) = hit ? hit->piece->thing : 0;
-    }
-  }
+  std::ranges::copy(picture.bgr, photo.data);
+  std::ranges::copy(picture.labels, labels.ptr<uint16_t>());
   const std::string name = NameOf(index);
   cv::imwrite(options.folder + "/images/" + name + ".jpg", photo,
               {cv::IMWRITE_JPEG_QUALITY, options.quality});
@@ -118,20 +84,22 @@ std::vector<testing::PointRecord> Points(const LargeScene& scene, const CaptureO
   std::normal_distribution<float> error(0, 0.5f);  // pixels
   std::vector<testing::PointRecord> points;
   for (int i = 0; static_cast<int>(points.size()) < options.num_points; ++i) {
-    const Photographer camera = CameraAt(options, i % options.num_views);
+    const SceneCamera camera = CameraAt(options, i % options.num_views);
     const auto u = static_cast<float>(std::fmod(0.5 + 0.7548776662466927 * i, 1.0));
     const auto v = static_cast<float>(std::fmod(0.5 + 0.5698402909980532 * i, 1.0));
-    const Vector3f direction = camera.Direction(u * static_cast<float>(options.width),
-                                                v * static_cast<float>(options.height));
-    const auto hit = scene.Trace(camera.center, direction);
-    if (!hit) continue;
-    const Vector3f color =
-        scene.Color(camera.center, direction, 1 / camera.focal);
-    const Vector3f noise(error(random), error(random), error(random));
-    const Vector3f at = camera.center + hit->distance * (direction + noise / camera.focal);
+    const Float3 direction = camera.Direction(u * static_cast<float>(options.width),
+                                              v * static_cast<float>(options.height));
+    const RayHit hit = TraceRay(scene.spans(), camera.center, direction, kFar, false);
+    if (hit.piece == nullptr) continue;
+    const Float3 color = RayColor(scene.spans(), camera.center, direction, 1 / camera.focal);
+    const Float3 noise = {error(random), error(random), error(random)};
+    const Float3 at = camera.center + hit.distance * (direction + (1 / camera.focal) * noise);
     testing::PointRecord point;
     point.id = points.size() + 1;
-    for (int k = 0; k < 3; ++k) point.xyz[k] = at[k], point.rgb[k] = Encoded(color[k]);
+    for (int k = 0; k < 3; ++k) {
+      point.xyz[k] = At(at, k);
+      point.rgb[k] = EncodedColor(At(color, k));
+    }
     points.push_back(point);
   }
   return points;
@@ -142,19 +110,27 @@ void WriteFile(const std::string& path, const std::string& bytes) {
 }
 
 void WriteSparse(const LargeScene& scene, const CaptureOptions& options) {
-  const Photographer any = CameraAt(options, 0);
+  const SceneCamera any = CameraAt(options, 0);
   testing::CameraRecord camera;
   camera.width = options.width, camera.height = options.height;
-  camera.parameters = {any.focal, any.focal, any.cx, any.cy};
+  camera.parameters = {any.focal, any.focal, 0.5 * options.width, 0.5 * options.height};
   std::vector<testing::ImageRecord> images;
   for (int i = 0; i < options.num_views; ++i) {
-    const Pose pose = CameraAt(options, i).cam_from_world;
+    const SceneCamera view = CameraAt(options, i);
+    const Mat3<float>& m = view.cam_from_world;
+    Eigen::Matrix3d rotation;
+    for (int k = 0; k < 3; ++k) {
+      rotation.row(k) << At(m.row0, k), At(m.row1, k), At(m.row2, k);
+    }
+    rotation.transposeInPlace();
+    const Eigen::Quaterniond q(rotation);
+    const Eigen::Vector3d center(view.center.x, view.center.y, view.center.z);
+    const Eigen::Vector3d translation = -(q * center);
     testing::ImageRecord image;
     image.id = static_cast<uint32_t>(i) + 1;
     image.name = NameOf(i) + ".jpg";
-    const auto& q = pose.rotation;
     image.q[0] = q.w(), image.q[1] = q.x(), image.q[2] = q.y(), image.q[3] = q.z();
-    for (int k = 0; k < 3; ++k) image.t[k] = pose.translation[k];
+    for (int k = 0; k < 3; ++k) image.t[k] = translation[k];
     images.push_back(image);
   }
   const std::string folder = options.folder + "/sparse/0/";
@@ -163,18 +139,36 @@ void WriteSparse(const LargeScene& scene, const CaptureOptions& options) {
   WriteFile(folder + "points3D.bin", testing::PointsBinary(Points(scene, options)));
 }
 
+// On the GPU as long as it works, else here.
+ScenePicture Photograph(const LargeScene& scene, const SceneCamera& camera, ScenePhotographer& gpu,
+                        std::mutex& on_gpu) {
+  {
+    const std::scoped_lock lock(on_gpu);
+    if (gpu.ready()) {
+      ScenePicture picture = gpu.Photograph(camera);
+      if (gpu.ready()) return picture;
+    }
+  }
+  return PhotographScene(scene, camera);
+}
+
 void Make(const CaptureOptions& options) {
   for (const char* part : {"images", "masks", "sparse/0"}) {
     std::filesystem::create_directories(std::filesystem::path(options.folder) / part);
   }
   const LargeScene scene(options.place == "yard" ? Place::kYard : Place::kWorkshop, options.seed);
-  std::cerr << scene.num_pieces() << " pieces, " << scene.num_things() << " things\n";
+  std::cerr << scene.pieces().size() << " pieces, " << scene.num_things() << " things\n";
   WriteSparse(scene, options);
+  ScenePhotographer gpu(scene);
+  std::cerr << (gpu.ready() ? "on the GPU\n" : "on the CPU\n");
+  std::mutex on_gpu;
   std::atomic<int> next = 0;
   std::vector<std::jthread> threads;
   for (int t = 0; t < options.threads; ++t) {
     threads.emplace_back([&] {
-      for (int i = next++; i < options.num_views; i = next++) WriteView(scene, options, i);
+      for (int i = next++; i < options.num_views; i = next++) {
+        WriteView(Photograph(scene, CameraAt(options, i), gpu, on_gpu), options, i);
+      }
     });
   }
 }

@@ -21,6 +21,7 @@ struct PackOptions {
   bool disparity = false;      // depth/ holds disparity
   EmbeddedPriors embedded;     // replace those of the dataset
   bool join_embedded = false;  // add embedded masks to those of the dataset
+  bool plain = false;          // no compression
 };
 
 absl::Status Embed(const EmbeddedPriors& what, Capture& capture) {
@@ -39,7 +40,7 @@ absl::Status PackScene(testing::CrowdedScene scene, const std::string& path,
   RETURN_IF_ERROR(Embed(options.embedded, pack.capture));
   pack.truth = {{"part", std::move(scene.parts.entities), std::move(scene.parts.labels)},
                 {"object", std::move(scene.objects.entities), std::move(scene.objects.labels)}};
-  return WriteCapturePack(path, pack);
+  return WriteCapturePack(path, pack, !options.plain);
 }
 
 // Adds the embedded masks that do not duplicate a mask of the dataset, as training on SAM's masks
@@ -73,7 +74,7 @@ absl::Status PackDataset(const std::string& folder, const std::string& path,
   for (const std::string& warning : pack.capture.warnings) std::cerr << warning << "\n";
   ASSIGN_OR_RETURN(pack.truth, ReadTruth(folder, pack.capture));
   for (const TruthLevel& level : pack.truth) std::cerr << "truth: " << level.name << "\n";
-  return WriteCapturePack(path, pack);
+  return WriteCapturePack(path, pack, !options.plain);
 }
 
 }  // namespace
@@ -92,6 +93,7 @@ int main(int argc, char** argv) {
   app.add_option("folder", folder)->excludes(crowded)->excludes(bolts);
   app.add_option("pack", pack)->excludes(crowded)->excludes(bolts);
   app.add_flag("--disparity", options.disparity, "depth/ holds disparity");
+  app.add_flag("--plain", options.plain, "no compression: larger, and fast to read");
   app.add_option("--image-scale", options.import.image_scale);
   app.add_flag("--embedded-masks", options.embedded.masks,
                "make embedded masks instead of using those of the dataset");

@@ -6,6 +6,7 @@
 #include "core/dataset/import.h"
 #include "core/dataset/video_frames.h"
 #include "core/priors/sam/sam_segmenter.h"
+#include "core/reconstruct/few_visits.h"
 #include "core/reconstruct/pixel_budget.h"
 #include "core/sfm/sfm_options.h"
 
@@ -133,8 +134,9 @@ class Planner {
   // The first steps train on photographs at a quarter, then at half of their width and height: see
   // ReconstructOptions::coarse_until.
   void AddReconstruction() {
+    const ViewPixels views = {TrainingViews(), 1e6 * facts_.megapixels};
     const ReconstructOptions options =
-        WithPixelBudget(settings_.reconstruct, {TrainingViews(), 1e6 * facts_.megapixels});
+        WithFewVisits(WithPixelBudget(settings_.reconstruct, views), views);
     const StepCost cost = facts_.on_device ? kReconstructOnDevice : kReconstructOnCores;
     const auto coarse = static_cast<int64_t>(options.coarse_until * options.num_steps);
     const double gaussians = cost.million * MillionGaussians(options);

@@ -20,6 +20,8 @@ void SetPaperReconstruct(ReconstructOptions& options) {
   options.rotation_learning_rate = 1e-3f;
   options.opacity_learning_rate = 5e-2f;
   options.sh_learning_rate = 2.5e-3f;
+  options.second_moment_decay = 0.999f;
+  options.few_visits = 0;
   options.densify_from = 500.0 / 30000;
   options.densify_until = 15000.0 / 30000;
   options.densify_every = 100;

@@ -82,9 +82,9 @@ TEST(PixelBudget, CountsThePixelsOfTrainingViews) {
   }
   ReconstructOptions options = Options();
   options.megapixels_per_step = 0.6;
-  EXPECT_EQ(WithPixelBudget(options, capture).coarse_until,
+  EXPECT_EQ(WithPixelBudget(options, TrainingViewPixels(capture)).coarse_until,
             WithPixelBudget(options, {2, 2e6}).coarse_until);
-  EXPECT_GT(WithPixelBudget(options, capture).coarse_until, 0.5);
+  EXPECT_GT(WithPixelBudget(options, TrainingViewPixels(capture)).coarse_until, 0.5);
 }
 
 }  // namespace

@@ -1,0 +1,27 @@
+# CUDA is compiled wherever nvcc is found. "auto" builds for the GPU of this machine, or for 90 if
+# it has none. Release builds name all architectures:
+# -DPEPESEG_CUDA_ARCHITECTURES="80-real;86-real;89-real;90" (the last also as PTX). OFF: no CUDA.
+set(PEPESEG_CUDA_ARCHITECTURES auto CACHE STRING "CUDA architectures, auto or OFF")
+find_program(PEPESEG_NVCC nvcc HINTS $ENV{CUDACXX} /usr/local/cuda/bin)
+if(PEPESEG_CUDA_ARCHITECTURES AND PEPESEG_NVCC)
+  if(NOT CMAKE_CUDA_COMPILER)
+    set(CMAKE_CUDA_COMPILER ${PEPESEG_NVCC})
+  endif()
+  if(PEPESEG_CCACHE)
+    set(CMAKE_CUDA_COMPILER_LAUNCHER ${PEPESEG_CCACHE})
+  endif()
+  set(CMAKE_CUDA_ARCHITECTURES ${PEPESEG_CUDA_ARCHITECTURES})
+  if(CMAKE_CUDA_ARCHITECTURES STREQUAL "auto")
+    execute_process(COMMAND nvidia-smi -L RESULT_VARIABLE no_gpu OUTPUT_QUIET ERROR_QUIET)
+    set(CMAKE_CUDA_ARCHITECTURES native)
+    if(no_gpu)
+      set(CMAKE_CUDA_ARCHITECTURES 90)
+    endif()
+  endif()
+  enable_language(CUDA)
+  find_package(CUDAToolkit REQUIRED)
+  # CMake 3.25 does not know nvcc's option for C++20.
+  set(CMAKE_CUDA20_STANDARD_COMPILE_OPTION "-std=c++20")
+  set(CMAKE_CUDA20_EXTENSION_COMPILE_OPTION "-std=c++20")
+  set(PEPESEG_WITH_CUDA ON)
+endif()
