@@ -63,6 +63,28 @@ TEST(StepsAtOnce, EndWhereDensityControlIsDue) {
   EXPECT_EQ(done.back(), 60);
 }
 
+// The sizes change after steps 15 and 30.
+TEST(StepsAtOnce, EndWhereThePhotographsGrow) {
+  const auto backend = MakeCpuBackend(2);
+  ReconstructOptions options = Options(4);
+  options.coarse_until = 0.5;
+  ASSERT_OK_AND_ASSIGN(const auto trainer,
+                       GaussianTrainer::Create(*backend, SyntheticCapture(), options));
+  const std::vector<int64_t> done = StepsDone(*trainer);
+  ASSERT_GE(done.size(), 7u);
+  EXPECT_EQ(std::vector<int64_t>(done.begin(), done.begin() + 7),
+            (std::vector<int64_t>{4, 8, 10, 14, 15, 19, 20}));
+}
+
+// A CPU does one step at a time unless asked for more, and then as many at each size.
+TEST(StepsAtOnce, HaveASlotEachOfTheLargestSizeTheyNeed) {
+  const auto backend = MakeCpuBackend(2);
+  ReconstructOptions options = Options(3);
+  EXPECT_EQ(SlotPixels(*backend, options, 1600), (std::vector<int64_t>{1600, 1600, 1600}));
+  options.coarse_until = 0.5;
+  EXPECT_EQ(SlotPixels(*backend, options, 1600), (std::vector<int64_t>{1600, 1600, 1600}));
+}
+
 TEST(StepsAtOnce, ResumeToTheSameBytes) {
   const auto backend = MakeCpuBackend(2);
   ASSERT_OK_AND_ASSIGN(const auto unbroken,
