@@ -7,10 +7,12 @@ from pepeseg.v1 import job_service_pb2 as pepeseg_dot_v1_dot_job__service__pb2
 
 class JobServiceStub(object):
     """Trainings, which run as jobs. A job runs in its own process, one at a time on each device of the
-    server. It outlives the call that started it and a restart of the server. A free device takes the
-    job of the preset PREVIEW before others; of these, the job of the project that has had the least
-    of the devices lately; of one project's jobs, the oldest. A PREVIEW that finds no free device may
-    send a longer job back to the queue, which later resumes: a WARNING event says so.
+    server. It outlives the call that started it and a restart of the server.
+
+    A free device takes jobs that were put back first, then those of the preset PREVIEW and those that
+    have waited for ten minutes, then others; among these the job of the project that has had the
+    least of the devices lately; of one project's jobs, the oldest. A PREVIEW that finds no free device
+    may have a longer job put back into the queue, which later resumes: a Warning event says so.
     """
 
     def __init__(self, channel):
@@ -58,10 +60,12 @@ class JobServiceStub(object):
 
 class JobServiceServicer(object):
     """Trainings, which run as jobs. A job runs in its own process, one at a time on each device of the
-    server. It outlives the call that started it and a restart of the server. A free device takes the
-    job of the preset PREVIEW before others; of these, the job of the project that has had the least
-    of the devices lately; of one project's jobs, the oldest. A PREVIEW that finds no free device may
-    send a longer job back to the queue, which later resumes: a WARNING event says so.
+    server. It outlives the call that started it and a restart of the server.
+
+    A free device takes jobs that were put back first, then those of the preset PREVIEW and those that
+    have waited for ten minutes, then others; among these the job of the project that has had the
+    least of the devices lately; of one project's jobs, the oldest. A PREVIEW that finds no free device
+    may have a longer job put back into the queue, which later resumes: a Warning event says so.
     """
 
     def TrainScene(self, request, context):
@@ -173,10 +177,12 @@ def add_JobServiceServicer_to_server(servicer, server):
  # This class is part of an EXPERIMENTAL API.
 class JobService(object):
     """Trainings, which run as jobs. A job runs in its own process, one at a time on each device of the
-    server. It outlives the call that started it and a restart of the server. A free device takes the
-    job of the preset PREVIEW before others; of these, the job of the project that has had the least
-    of the devices lately; of one project's jobs, the oldest. A PREVIEW that finds no free device may
-    send a longer job back to the queue, which later resumes: a WARNING event says so.
+    server. It outlives the call that started it and a restart of the server.
+
+    A free device takes jobs that were put back first, then those of the preset PREVIEW and those that
+    have waited for ten minutes, then others; among these the job of the project that has had the
+    least of the devices lately; of one project's jobs, the oldest. A PREVIEW that finds no free device
+    may have a longer job put back into the queue, which later resumes: a Warning event says so.
     """
 
     @staticmethod
