@@ -9,7 +9,7 @@ namespace {
 
 constexpr double kSmall = 100'000, kMegapixel = 1e6;
 
-ReconstructOptions Options(int num_steps) {
+ReconstructOptions WithSteps(int num_steps) {
   ReconstructOptions options;
   options.num_steps = num_steps;
   options.few_visits = 90;
@@ -17,7 +17,7 @@ ReconstructOptions Options(int num_steps) {
 }
 
 TEST(FewVisits, LeaveEnoughVisitsAsTheyAre) {
-  const ReconstructOptions options = Options(9000);
+  const ReconstructOptions options = WithSteps(9000);
   const ReconstructOptions same = WithFewVisits(options, {100, kMegapixel});
   EXPECT_EQ(same.num_steps, options.num_steps);
   EXPECT_EQ(same.mean_learning_rate, options.mean_learning_rate);
@@ -29,7 +29,7 @@ TEST(FewVisits, LeaveEnoughVisitsAsTheyAre) {
 }
 
 TEST(FewVisits, ChangeNothingAtZero) {
-  ReconstructOptions options = Options(100);
+  ReconstructOptions options = WithSteps(100);
   options.few_visits = 0;
   const ReconstructOptions same = WithFewVisits(options, {100, kMegapixel});
   EXPECT_EQ(same.num_steps, 100);
@@ -37,7 +37,7 @@ TEST(FewVisits, ChangeNothingAtZero) {
 }
 
 TEST(FewVisits, AreWholeFromAThirdOn) {
-  const ReconstructOptions options = Options(3000);
+  const ReconstructOptions options = WithSteps(3000);
   for (const double num_views : {100.0, 1000.0}) {
     const ReconstructOptions raised = WithFewVisits(options, {num_views, kSmall});
     EXPECT_FLOAT_EQ(raised.mean_learning_rate, 2 * options.mean_learning_rate);
@@ -51,21 +51,21 @@ TEST(FewVisits, AreWholeFromAThirdOn) {
 }
 
 TEST(FewVisits, GrowWithTheLogarithmOfWhatIsMissing) {
-  const ReconstructOptions options = Options(5196);  // visits: 90 / sqrt(3)
+  const ReconstructOptions options = WithSteps(5196);  // visits: 90 / sqrt(3)
   const ReconstructOptions raised = WithFewVisits(options, {100, kSmall});
   EXPECT_NEAR(raised.sh_learning_rate, std::sqrt(3.0) * options.sh_learning_rate, 1e-6);
   EXPECT_NEAR(raised.dropout, options.dropout / 2, 1e-4);
 }
 
 TEST(FewVisits, SaveStepsOnLargePhotographsOnly) {
-  ReconstructOptions options = Options(3000);
+  ReconstructOptions options = WithSteps(3000);
   options.megapixels_per_step = 0.8;
   EXPECT_EQ(WithFewVisits(options, {100, kSmall}).num_steps, 3000);
   EXPECT_EQ(WithFewVisits(options, {100, kMegapixel}).num_steps, 2400);
   EXPECT_EQ(WithFewVisits(options, {100, 8 * kMegapixel}).num_steps, 2100);
   options.megapixels_per_step = 0;
   EXPECT_EQ(WithFewVisits(options, {100, 8 * kMegapixel}).num_steps, 3000);
-  options = Options(6000);  // more than half of few_visits
+  options = WithSteps(6000);  // more than half of few_visits
   EXPECT_EQ(WithFewVisits(options, {100, kMegapixel}).num_steps, 6000);
 }
 

@@ -14,7 +14,7 @@ double Megapixels(const ReconstructOptions& options) {
   return coarse / 2 / 16 + coarse / 2 / 4 + (1 - coarse);
 }
 
-ReconstructOptions Options() {
+ReconstructOptions BudgetOptions() {
   ReconstructOptions options;
   options.num_steps = 1000;
   options.coarse_until = 0.5;
@@ -24,21 +24,21 @@ ReconstructOptions Options() {
 }
 
 TEST(PixelBudget, KeepsTheScheduleOfStepsThatFit) {
-  ReconstructOptions options = Options();
+  ReconstructOptions options = BudgetOptions();
   options.megapixels_per_step = Megapixels(options) + 0.001;
   EXPECT_EQ(WithPixelBudget(options, kViews).coarse_until, 0.5);
   EXPECT_EQ(WithPixelBudget(options, kViews).pixels_per_gaussian, 50);
 }
 
 TEST(PixelBudget, IsUnlimitedAtZero) {
-  ReconstructOptions options = Options();
+  ReconstructOptions options = BudgetOptions();
   options.megapixels_per_step = 0;
   EXPECT_EQ(WithPixelBudget(options, {5, 1e9}).coarse_until, 0.5);
   EXPECT_EQ(WithPixelBudget(options, {5, 1e9}).pixels_per_gaussian, 50);
 }
 
 TEST(PixelBudget, IsSpentByTheRaisedSchedule) {
-  ReconstructOptions options = Options();
+  ReconstructOptions options = BudgetOptions();
   for (const double budget : {0.5, 0.4, 0.3}) {
     options.megapixels_per_step = budget;
     EXPECT_NEAR(Megapixels(WithPixelBudget(options, kViews)), budget, 1e-9);
@@ -46,7 +46,7 @@ TEST(PixelBudget, IsSpentByTheRaisedSchedule) {
 }
 
 TEST(PixelBudget, LeavesTheLastStepsAtFullSize) {
-  ReconstructOptions options = Options();
+  ReconstructOptions options = BudgetOptions();
   options.megapixels_per_step = 0.001;
   EXPECT_EQ(WithPixelBudget(options, kViews).coarse_until, kMaxCoarseUntil);
   options.coarse_until = 0.98;
@@ -54,7 +54,7 @@ TEST(PixelBudget, LeavesTheLastStepsAtFullSize) {
 }
 
 TEST(PixelBudget, LeavesEachPhotographItsStepsAtFullSize) {
-  ReconstructOptions options = Options();
+  ReconstructOptions options = BudgetOptions();
   options.megapixels_per_step = 0.001;
   options.full_size_visits = 40;  // of 5 photographs in 1,000 steps: a fifth
   EXPECT_DOUBLE_EQ(WithPixelBudget(options, kViews).coarse_until, 0.8);
@@ -65,7 +65,7 @@ TEST(PixelBudget, LeavesEachPhotographItsStepsAtFullSize) {
 
 // From coarse_until 0.5 to 0.75 is half of the way to 1, where the factor would be 4.
 TEST(PixelBudget, GivesAGaussianMorePixelsWithEachStepMoved) {
-  ReconstructOptions options = Options();
+  ReconstructOptions options = BudgetOptions();
   options.megapixels_per_step = 1 - 0.75 * 27 / 32;
   EXPECT_NEAR(WithPixelBudget(options, kViews).coarse_until, 0.75, 1e-9);
   EXPECT_NEAR(WithPixelBudget(options, kViews).pixels_per_gaussian, 100, 1e-6);
@@ -80,7 +80,7 @@ TEST(PixelBudget, CountsThePixelsOfTrainingViews) {
     view.held_out = width == 50'000;
     capture.views.push_back(view);
   }
-  ReconstructOptions options = Options();
+  ReconstructOptions options = BudgetOptions();
   options.megapixels_per_step = 0.6;
   EXPECT_EQ(WithPixelBudget(options, TrainingViewPixels(capture)).coarse_until,
             WithPixelBudget(options, {2, 2e6}).coarse_until);

@@ -33,6 +33,7 @@ ReconstructOptions ShortRun(int num_steps) {
 TEST(GaussianTrainer, TenStepsMatchTheGoldenRun) {
   const auto backend = MakeCpuBackend(2);
   ReconstructOptions options = ShortRun(10);
+  options.few_visits = 0;
   std::vector<double> losses;
   ASSERT_OK(
       testing::TrainGaussians(*backend, SyntheticCapture(), options, [&](const StepReport& report) {
@@ -48,6 +49,7 @@ TEST(GaussianTrainer, LeavesOutGaussiansUntilTheShareOfTheSteps) {
   const auto backend = MakeCpuBackend(2);
   const auto result_of = [&](float dropout, double until) {
     ReconstructOptions options = ShortRun(20);
+    options.few_visits = 0;  // else there is no dropout in so few steps
     options.dropout = dropout;
     options.dropout_until = until;
     return testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore).value();
@@ -56,6 +58,22 @@ TEST(GaussianTrainer, LeavesOutGaussiansUntilTheShareOfTheSteps) {
   EXPECT_EQ(result_of(0.1f, 0).planes, none.planes);
   EXPECT_NE(result_of(0.1f, 0.5).planes, none.planes);
   EXPECT_NE(result_of(0.1f, 0.5).planes, result_of(0.1f, 1).planes);
+}
+
+TEST(GaussianTrainer, LearnsFasterFromFewVisits) {
+  const auto backend = MakeCpuBackend(2);
+  const auto last_loss = [&](double few_visits) {
+    ReconstructOptions options = ShortRun(20);
+    options.few_visits = few_visits;
+    double loss = 0;
+    EXPECT_OK(testing::TrainGaussians(*backend, SyntheticCapture(), options,
+                                      [&](const StepReport& report) {
+                                        loss = report.loss;
+                                        return absl::OkStatus();
+                                      }));
+    return loss;
+  };
+  EXPECT_LT(last_loss(135), 0.9 * last_loss(0));
 }
 
 TEST(GaussianTrainer, GivesTheSameBytesForAnyThreadCountAndRun) {

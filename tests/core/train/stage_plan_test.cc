@@ -145,6 +145,7 @@ TEST(PlanStages, ExpectsCoarseStepsToTakeLessTime) {
   facts.num_photographs = 20;
   TrainingSettings settings;
   settings.reconstruct.num_steps = 1000;
+  settings.reconstruct.megapixels_per_step = 0;  // which would make steps coarse, too
   const double full = *Find(PlanStages(facts, settings), Stage::kReconstruct).seconds;
   settings.reconstruct.coarse_until = 0.5;
   const PlannedStage coarse = Find(PlanStages(facts, settings), Stage::kReconstruct);

@@ -198,10 +198,10 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
   };
   check("reconstruct.",
         {"sh_degree", "ssim_weight", "mean_learning_rate", "log_scale_learning_rate",
-         "rotation_learning_rate", "opacity_learning_rate", "sh_learning_rate", "densify_from",
-         "densify_every", "densify_gradient", "densify_size", "prune_opacity", "prune_size",
-         "opacity_reset_every", "depth_local_form", "depth_window", "refine_from",
-         "refine_candidates", "coarse_until",
+         "rotation_learning_rate", "opacity_learning_rate", "sh_learning_rate",
+         "second_moment_decay", "densify_from", "densify_every", "densify_gradient", "densify_size",
+         "prune_opacity", "prune_size", "opacity_reset_every", "depth_local_form", "depth_window",
+         "refine_from", "refine_candidates", "coarse_until",
          // Without effect in the preset.
          "opacity_decay", "closing_share", "dropout_until", "full_size_visits",
          // Options of the run or the capture.
