@@ -49,7 +49,7 @@ TEST(GaussianTrainer, LeavesOutGaussiansUntilTheShareOfTheSteps) {
   const auto backend = MakeCpuBackend(2);
   const auto result_of = [&](float dropout, double until) {
     ReconstructOptions options = ShortRun(20);
-    options.few_visits = 0;  // else there is no dropout in so few steps
+    options.few_visits = 0;  // else a short run has no dropout
     options.dropout = dropout;
     options.dropout_until = until;
     return testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore).value();
