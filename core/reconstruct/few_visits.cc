@@ -20,7 +20,7 @@ constexpr double kFewestSteps = 0.7;    // share of the steps that is done at th
 
 ReconstructOptions WithFewVisits(ReconstructOptions options, const ViewPixels& views) {
   const double visits = options.num_steps / std::max(1.0, views.num_views);
-  if (visits >= options.few_visits) return options;  // also where few_visits is 0
+  if (views.num_views <= kManyViews || visits >= options.few_visits) return options;
   const double share = std::min(1.0, std::log(visits / options.few_visits) / std::log(kFewest));
   const auto factor = [share](double whole) { return static_cast<float>(std::pow(whole, share)); };
   options.mean_learning_rate *= factor(kMoreMeanRate);
@@ -31,7 +31,8 @@ ReconstructOptions WithFewVisits(ReconstructOptions options, const ViewPixels& v
   options.second_moment_decay = 1 - (1 - options.second_moment_decay) * factor(kFasterDecay);
   options.dropout *= static_cast<float>(1 - share);
   const double megapixels = MegapixelsPerStep(options, views);
-  if (visits < options.few_visits / 2 && options.megapixels_per_step > 0 && megapixels > 0) {
+  if (visits < options.few_visits / 2 && options.coarse_until < kMaxCoarseUntil &&
+      options.megapixels_per_step > 0 && megapixels > 0) {
     const double left = std::clamp(options.megapixels_per_step / megapixels, kFewestSteps, 1.0);
     options.num_steps = static_cast<int>(std::lround(left * options.num_steps));
   }

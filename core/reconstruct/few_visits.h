@@ -5,13 +5,14 @@
 
 namespace pepeseg {
 
-// Returns the options for these training views. Where steps see each photograph fewer than
-// few_visits times on average, a Gaussian gets few gradients to go by: rates are raised, more
-// Gaussians are densified, gradients are averaged over fewer steps, and none is left out. The
-// changes grow with the logarithm of few_visits / visits and are whole from a third of few_visits
-// on. With raised rates fewer steps suffice: under half of few_visits they are reduced, to 70 % at
-// the least, where they render more than megapixels_per_step. Unchanged where few_visits is 0 or
-// the visits suffice. To be applied after WithPixelBudget.
+// Returns the options for these training views. Where there are more than kManyViews, and steps see
+// each of them fewer than few_visits times on average, a Gaussian gets few gradients to go by:
+// rates are raised, more Gaussians are densified, gradients are averaged over fewer steps, and none
+// is left out. The changes grow with the logarithm of few_visits / visits and are whole from a
+// third of few_visits on. With raised rates fewer steps suffice: under half of few_visits they are
+// reduced, to 70 % at the least, where they render more than megapixels_per_step and
+// coarse_until is not at its limit. Unchanged where few_visits is 0 or views are few. To be applied
+// after WithPixelBudget.
 ReconstructOptions WithFewVisits(ReconstructOptions options, const ViewPixels& views);
 
 }  // namespace pepeseg

@@ -70,8 +70,8 @@ struct ReconstructOptions {
   // Decay of the second moments of Adam, its beta2. 3DGS has 0.999.
   float second_moment_decay = 0.999f;
   // Visits of each photograph by steps, on average, under which the rates are raised, dropout and
-  // densify_gradient lowered, and second_moment_decay is shortened (WithFewVisits). 0: never.
-  // Measured: tests/bench/results/real_size.md.
+  // densify_gradient lowered, and second_moment_decay is shortened, on more than 100 training views
+  // (WithFewVisits). 0: never. Measured: tests/bench/results/real_size.md.
   double few_visits = 135;
   // Share of the Gaussians that each step leaves out (Park et al. 2025, "DropGaussian"), so
   // that no photograph can be explained by a few Gaussians close to its camera. 0: none.

@@ -10,8 +10,8 @@ namespace {
 // a sixteenth, half of them a quarter (Schedule::ShrinkAt).
 constexpr double kCoarseShare = (1.0 / 16 + 1.0 / 4) / 2;
 
-// Where photographs are so many that full_size_visits leaves less, this share of the steps may
-// still be done on smaller ones (tests/bench/results/real_size.md).
+// Where more than kManyViews photographs leave less by full_size_visits, this share of the steps
+// may still be done on smaller ones (tests/bench/results/real_size.md).
 constexpr double kCoarseAnyway = 0.5;
 
 }  // namespace
@@ -25,7 +25,8 @@ ReconstructOptions WithPixelBudget(ReconstructOptions options, const ViewPixels&
   if (options.megapixels_per_step <= 0 || views.pixels <= 0) return options;
   const double needed = (1 - 1e6 * options.megapixels_per_step / views.pixels) / (1 - kCoarseShare);
   const double visits = options.full_size_visits * views.num_views;
-  const double allowed = std::clamp(1 - visits / options.num_steps, kCoarseAnyway, kMaxCoarseUntil);
+  const double least = views.num_views > kManyViews ? kCoarseAnyway : 0;
+  const double allowed = std::clamp(1 - visits / options.num_steps, least, kMaxCoarseUntil);
   options.coarse_until = std::max(before, std::min(needed, allowed));
   if (options.coarse_until == before) return options;
   const double raised = (options.coarse_until - before) / (1 - before);

@@ -63,6 +63,16 @@ TEST(PixelBudget, LeavesEachPhotographItsStepsAtFullSize) {
   EXPECT_EQ(WithPixelBudget(options, kViews).pixels_per_gaussian, 50);
 }
 
+TEST(PixelBudget, AllowsAHalfToManyPhotographs) {
+  ReconstructOptions options = BudgetOptions();
+  options.coarse_until = 0;
+  options.megapixels_per_step = 0.3;
+  options.full_size_visits = 80;
+  EXPECT_EQ(WithPixelBudget(options, {100, 1e6}).coarse_until, 0);
+  EXPECT_EQ(WithPixelBudget(options, {101, 1e6}).coarse_until, 0.5);
+  EXPECT_EQ(WithPixelBudget(options, {101, 3e5}).coarse_until, 0);
+}
+
 // From coarse_until 0.5 to 0.75 is half of the way to 1, where the factor would be 4.
 TEST(PixelBudget, GivesAGaussianMorePixelsWithEachStepMoved) {
   ReconstructOptions options = BudgetOptions();

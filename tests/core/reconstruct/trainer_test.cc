@@ -33,7 +33,6 @@ ReconstructOptions ShortRun(int num_steps) {
 TEST(GaussianTrainer, TenStepsMatchTheGoldenRun) {
   const auto backend = MakeCpuBackend(2);
   ReconstructOptions options = ShortRun(10);
-  options.few_visits = 0;
   std::vector<double> losses;
   ASSERT_OK(
       testing::TrainGaussians(*backend, SyntheticCapture(), options, [&](const StepReport& report) {
@@ -49,7 +48,6 @@ TEST(GaussianTrainer, LeavesOutGaussiansUntilTheShareOfTheSteps) {
   const auto backend = MakeCpuBackend(2);
   const auto result_of = [&](float dropout, double until) {
     ReconstructOptions options = ShortRun(20);
-    options.few_visits = 0;  // else a short run has no dropout
     options.dropout = dropout;
     options.dropout_until = until;
     return testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore).value();
@@ -62,15 +60,19 @@ TEST(GaussianTrainer, LeavesOutGaussiansUntilTheShareOfTheSteps) {
 
 TEST(GaussianTrainer, LearnsFasterFromFewVisits) {
   const auto backend = MakeCpuBackend(2);
+  Capture capture = SyntheticCapture();
+  const std::vector<View> views = capture.views;
+  while (capture.views.size() <= 200) {  // more than 100 training views
+    capture.views.insert(capture.views.end(), views.begin(), views.end());
+  }
   const auto last_loss = [&](double few_visits) {
     ReconstructOptions options = ShortRun(20);
     options.few_visits = few_visits;
     double loss = 0;
-    EXPECT_OK(testing::TrainGaussians(*backend, SyntheticCapture(), options,
-                                      [&](const StepReport& report) {
-                                        loss = report.loss;
-                                        return absl::OkStatus();
-                                      }));
+    EXPECT_OK(testing::TrainGaussians(*backend, capture, options, [&](const StepReport& report) {
+      loss = report.loss;
+      return absl::OkStatus();
+    }));
     return loss;
   };
   EXPECT_LT(last_loss(135), 0.9 * last_loss(0));
