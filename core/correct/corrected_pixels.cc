@@ -6,8 +6,8 @@
 #include <numeric>
 #include <utility>
 
-#include "core/base/status_macros.h"
 #include "core/base/on_threads.h"
+#include "core/base/status_macros.h"
 #include "core/render/feature_maps.h"
 #include "kernels/ops/render.h"
 
