@@ -20,7 +20,7 @@ ReconstructOptions Budgeted(const TrainingSize& size, const ReconstructOptions& 
   const auto num_views = static_cast<double>(std::max<int64_t>(1, size.num_views));
   const ViewPixels views = {static_cast<double>(size.num_training_views),
                             static_cast<double>(size.num_pixels) / num_views};
-  return WithFewVisits(WithPixelBudget(options, views), views);
+  return FitToViews(options, views);
 }
 
 bool ControlsDensity(const ReconstructOptions& options) {

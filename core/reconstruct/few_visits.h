@@ -15,4 +15,9 @@ namespace pepeseg {
 // after WithPixelBudget.
 ReconstructOptions WithFewVisits(ReconstructOptions options, const ViewPixels& views);
 
+// Returns the options with both, as stage one uses them.
+inline ReconstructOptions FitToViews(const ReconstructOptions& options, const ViewPixels& views) {
+  return WithFewVisits(WithPixelBudget(options, views), views);
+}
+
 }  // namespace pepeseg

@@ -4,7 +4,6 @@
 #include "core/reconstruct/blurred_views.h"
 #include "core/reconstruct/depth_term.h"
 #include "core/reconstruct/few_visits.h"
-#include "core/reconstruct/pixel_budget.h"
 #include "core/reconstruct/scene_needs.h"
 
 namespace pepeseg {
@@ -13,8 +12,7 @@ namespace {
 constexpr double kNearPlane = 0.01;  // scene radii
 
 ReconstructOptions OptionsFor(const Capture& capture, const ReconstructOptions& given) {
-  const ViewPixels views = TrainingViewPixels(capture);
-  return WithFewVisits(WithPixelBudget(WithDepthWeight(given, capture), views), views);
+  return FitToViews(WithDepthWeight(given, capture), TrainingViewPixels(capture));
 }
 
 std::vector<SkippedPart> SkippedParts(const ReconstructOptions& given,

@@ -14,6 +14,7 @@
 #include "server/jobs/job_events.h"
 #include "server/jobs/launcher.h"
 #include "server/jobs/supervisor.h"
+#include "server/store/layout.h"
 #include "server/worker_protocol/client_text.h"
 #include "server/worker_protocol/job_stage.h"
 
@@ -41,7 +42,7 @@ RunningJob::RunningJob(const Dependencies& deps, JobRecord job, size_t device)
     : deps_(deps),
       job_(std::move(job)),
       device_(device),
-      folder_(deps.options.data_folder / "jobs" / job_.id),
+      folder_(JobsFolder(deps.options.data_folder) / job_.id),
       log_(folder_.events()),
       heartbeat_(folder_.heartbeat(job_.fence)) {}
 

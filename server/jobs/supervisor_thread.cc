@@ -7,6 +7,7 @@
 #include "core/base/status_macros.h"
 #include "server/jobs/job_events.h"
 #include "server/jobs/supervisor.h"
+#include "server/store/layout.h"
 #include "server/worker_protocol/client_text.h"
 
 namespace pepeseg {
@@ -33,7 +34,7 @@ Supervisor::Supervisor(Store& store, SupervisorOptions options)
       launcher_(MakeLauncher(options_)) {}
 
 JobFolder Supervisor::FolderOf(const std::string& job) const {
-  return JobFolder(options_.data_folder / "jobs" / job);
+  return JobFolder(JobsFolder(options_.data_folder) / job);
 }
 
 absl::Status Supervisor::Recover() {

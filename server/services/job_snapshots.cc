@@ -149,7 +149,7 @@ absl::StatusOr<ResidentModel> JobSnapshots::LoadNewest(const JobRecord& job) {
   }
   auto loaded = LoadFile(job, *newest, older ? &*older : nullptr, *entry);
   if (older && LacksRoom(loaded.status())) {
-    // There is no room for two: the older one goes first.
+    // Memory has room for one only, so the older one is freed first.
     older.reset();
     models_.devices().Drop(entry->key);
     loaded = LoadFile(job, *newest, nullptr, *entry);

@@ -26,8 +26,9 @@ class JobSnapshots {
       : models_(models), scratch_(std::move(scratch)) {}
 
   // Returns the model that `name` names, with the errors of ModelLoader::Load, or that of a job.
-  // The job has made its model: that one. UNAVAILABLE, with a time to retry: it has no snapshot
-  // yet. FAILED_PRECONDITION: it has ended without a model. NOT_FOUND: there is no such job.
+  // That is its newest snapshot, or the model that it has made. UNAVAILABLE, with a time to retry:
+  // the job has no snapshot yet. FAILED_PRECONDITION: the job has ended without a model. NOT_FOUND:
+  // no job has this name.
   absl::StatusOr<ResidentModel> Load(const NamedScenes& scenes, const std::string& name,
                                      const std::string& field);
   // In addition to the errors of Load, FAILED_PRECONDITION: see CheckFeatures.

@@ -87,7 +87,7 @@ class ModelLoader {
   absl::StatusOr<ResidentModel> LoadWithFeatures(const NamedScenes& scenes, const std::string& name,
                                                  const std::string& field);
 
-  // Returns a model that is no record's, with the errors of Load.
+  // Returns a model that the store has no record of. Errors are those of Load.
   absl::StatusOr<ModelCache::Handle> Load(const LoadableModel& model);
 
   // Reserves `bytes` of host memory for an answer about a model of the project, out of the budget

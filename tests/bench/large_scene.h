@@ -15,7 +15,7 @@ enum class Place {
   kWorkshop,  // shelves and a bench full of boxes and balls in a closed room
 };
 
-// What a place is made of. The same for the same seed.
+// The pieces of a place and their materials. Equal seeds give equal pieces.
 struct PlacePieces {
   std::vector<Material> materials;
   std::vector<Piece> pieces;

@@ -4,7 +4,7 @@
 
 #include "kernels/math/vec.h"
 
-// What a ray sees in a place of large_scene.h, for the host and for CUDA. World: x right, y down,
+// Rays through a place of large_scene.h, on the host and in CUDA. World: x right, y down,
 // metres; the ground is at y = 0. Colours are linear, [0, 1].
 
 namespace pepeseg {

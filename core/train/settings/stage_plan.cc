@@ -7,7 +7,6 @@
 #include "core/dataset/video_frames.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/reconstruct/few_visits.h"
-#include "core/reconstruct/pixel_budget.h"
 #include "core/sfm/sfm_options.h"
 
 namespace pepeseg {
@@ -135,8 +134,7 @@ class Planner {
   // ReconstructOptions::coarse_until.
   void AddReconstruction() {
     const ViewPixels views = {TrainingViews(), 1e6 * facts_.megapixels};
-    const ReconstructOptions options =
-        WithFewVisits(WithPixelBudget(settings_.reconstruct, views), views);
+    const ReconstructOptions options = FitToViews(settings_.reconstruct, views);
     const StepCost cost = facts_.on_device ? kReconstructOnDevice : kReconstructOnCores;
     const auto coarse = static_cast<int64_t>(options.coarse_until * options.num_steps);
     const double gaussians = cost.million * MillionGaussians(options);

@@ -86,7 +86,7 @@ TEST_F(JobsOnDevices, PutsAJobBackForAPreview) {
   EXPECT_EQ(end.put_backs, 1);
   EXPECT_EQ(end.crashes, 0);
   EXPECT_THAT(WarningsOf(victim), HasSubstr("put back into the queue, because a preview waits"));
-  // What was put back is next after the preview.
+  // The job that was put back starts right after the preview.
   const JobRecord before = WaitForEnd(preview), after = WaitForEnd(older);
   EXPECT_LE(before.end_time, end.start_time);
   EXPECT_LE(end.end_time, after.start_time);

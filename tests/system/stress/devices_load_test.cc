@@ -210,8 +210,8 @@ TEST_F(DevicesLoadTest, UsesBothDevices) {
   EXPECT_GT(clients.num_answers(), 10);
   // The last job runs alone, which counts for more among few jobs.
   EXPECT_GE(use, testing::FullStress() ? 0.9 : 0.6);
-  // What was done since the last checkpoint, and the time that saving it takes on a busy machine;
-  // one that also runs other tests may stand still for longer.
+  // A kill costs the work since the last checkpoint. Saving one takes time on a busy machine, and a
+  // machine that also runs other tests may stand still for seconds.
   EXPECT_LE(lost, testing::FullStress() ? 3 * kCheckpointSeconds + 2 : 30);
   EXPECT_LT(previews, others);
 }

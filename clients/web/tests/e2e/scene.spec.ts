@@ -133,7 +133,7 @@ test('a training is followed after a reload and a restart of the server', async 
   await expect(picture).toBeVisible();
   await expect(page.locator('.training-picture figcaption')).toHaveText(/^step .* of .*, after \d+ s$/);
   await page.reload();
-  // What was there before comes from the page's store: the server does not send it again.
+  // The page keeps earlier events in its store, because the server sends each one once.
   await expect(picture).toBeVisible();
   await expect(picture).toHaveJSProperty('complete', true);
   await expect.poll(numSamples, { timeout: 30_000 }).toBeGreaterThanOrEqual(before);
