@@ -15,18 +15,6 @@ namespace {
 
 constexpr int kFirstTransposed = 5;  // EXIF orientations from here on exchange the sides
 
-const char* NameOf(Companion kind) {
-  switch (kind) {
-    case Companion::kMasks:
-      return "mask files";
-    case Companion::kIgnore:
-      return "ignore masks";
-    case Companion::kDepth:
-      return "depth maps";
-  }
-  return "";
-}
-
 PixelFrame Other(PixelFrame frame) {
   return frame == PixelFrame::kStored ? PixelFrame::kUpright : PixelFrame::kStored;
 }
@@ -72,8 +60,8 @@ absl::StatusOr<FittedCamera> FitCamera(const Lens& lens, const PhotoFacts& photo
 // the error of the expected frame.
 template <class T>
 absl::StatusOr<CompanionFiles::Fitted<T>> CompanionFiles::ReadFitting(
-    Companion kind, const DatasetFile& file, const CameraPixels& pixels,
-    absl::FunctionRef<absl::StatusOr<T>(const PhotoSize&)> read) {
+    Companion kind, const DatasetFile& file, const CameraPixels& pixels, ReadingNotes* notes,
+    absl::FunctionRef<absl::StatusOr<T>(const PhotoSize&)> read) const {
   const auto read_in = [&](PixelFrame frame) -> absl::StatusOr<Fitted<T>> {
     Fitted<T> fitted{{}, pixels.size, 1};
     if (frame != pixels.frame) {
@@ -95,28 +83,30 @@ absl::StatusOr<CompanionFiles::Fitted<T>> CompanionFiles::ReadFitting(
     if (!other.ok()) return fitted.status();
     fitted = std::move(other);
   }
-  of_turned_photos_[{kind, frame}].insert(file.name);
+  if (notes != nullptr) notes->of_turned_photos[{kind, frame}].insert(file.name);
   return fitted;
 }
 
-absl::StatusOr<MaskSet> CompanionFiles::Masks(const std::string& stem, const CameraPixels& pixels) {
+absl::StatusOr<MaskSet> CompanionFiles::Masks(const std::string& stem, const CameraPixels& pixels,
+                                              ReadingNotes* notes) const {
   const DatasetFile* file = FileOf(Companion::kMasks, stem);
   if (file == nullptr) return MaskSet();
   const auto folder = index_.mask_folders.find(stem);
-  LabelNotes notes;
+  LabelNotes label;
   const auto read = [&](const PhotoSize& size) {
-    return folder == index_.mask_folders.end() ? ReadMasks(file->path, file->name, size, &notes)
+    return folder == index_.mask_folders.end() ? ReadMasks(file->path, file->name, size, &label)
                                                : ReadBinaryMasks(folder->second, size);
   };
   ASSIGN_OR_RETURN(const Fitted<MaskSet> masks,
-                   ReadFitting<MaskSet>(Companion::kMasks, *file, pixels, read));
-  if (notes.soft) soft_.insert(file->name);
-  if (notes.has_void) with_void_.insert(file->name);
+                   ReadFitting<MaskSet>(Companion::kMasks, *file, pixels, notes, read));
+  if (notes != nullptr && label.soft) notes->soft.insert(file->name);
+  if (notes != nullptr && label.has_void) notes->with_void.insert(file->name);
   return Turned(masks.content, masks.turn);
 }
 
 absl::StatusOr<std::vector<uint8_t>> CompanionFiles::Ignored(const std::string& stem,
-                                                             const CameraPixels& pixels) {
+                                                             const CameraPixels& pixels,
+                                                             ReadingNotes* notes) const {
   // A pixel is ignored if the mask for all views or one of the view's own says so.
   const DatasetFile* keep = Find(index_.keep, stem);
   std::vector<uint8_t> ignored;
@@ -125,8 +115,9 @@ absl::StatusOr<std::vector<uint8_t>> CompanionFiles::Ignored(const std::string& 
     const auto read = [file](const PhotoSize& size) {
       return ReadIgnoreMask(file->path, file->name, size);
     };
-    ASSIGN_OR_RETURN(const Fitted<std::vector<uint8_t>> fitted,
-                     ReadFitting<std::vector<uint8_t>>(Companion::kIgnore, *file, pixels, read));
+    ASSIGN_OR_RETURN(
+        const Fitted<std::vector<uint8_t>> fitted,
+        ReadFitting<std::vector<uint8_t>>(Companion::kIgnore, *file, pixels, notes, read));
     const std::vector<uint8_t> mask =
         Turned(fitted.content, fitted.size.width, fitted.size.height, fitted.turn);
     ignored.resize(mask.size(), 0);
@@ -138,7 +129,8 @@ absl::StatusOr<std::vector<uint8_t>> CompanionFiles::Ignored(const std::string& 
 }
 
 absl::StatusOr<FloatImage> CompanionFiles::Depth(const std::string& stem,
-                                                 const CameraPixels& pixels) {
+                                                 const CameraPixels& pixels,
+                                                 ReadingNotes* notes) const {
   const DatasetFile* file = FileOf(Companion::kDepth, stem);
   if (file == nullptr) return FloatImage();
   const auto kind =
@@ -147,7 +139,7 @@ absl::StatusOr<FloatImage> CompanionFiles::Depth(const std::string& stem,
     return ReadDepthMap(file->path, file->name, kind, size);
   };
   ASSIGN_OR_RETURN(const Fitted<FloatImage> map,
-                   ReadFitting<FloatImage>(Companion::kDepth, *file, pixels, read));
+                   ReadFitting<FloatImage>(Companion::kDepth, *file, pixels, notes, read));
   return Turned(map.content, map.turn);
 }
 
@@ -162,28 +154,6 @@ const DatasetFile* CompanionFiles::FileOf(Companion kind, const std::string& ste
     if (file != nullptr) return file;
   }
   return index_.ignore_all;
-}
-
-void CompanionFiles::AddWarnings(std::vector<std::string>& warnings) const {
-  if (!soft_.empty()) {
-    const std::vector<std::string> names(soft_.begin(), soft_.end());
-    warnings.push_back(absl::StrCat(
-        names.size(), " label images are one mask with soft borders each, cut at half of the ",
-        "value: ", FirstNames(names)));
-  }
-  if (!with_void_.empty()) {
-    const std::vector<std::string> names(with_void_.begin(), with_void_.end());
-    warnings.push_back(
-        absl::StrCat(names.size(),
-                     " label images have borders of the value 255, which are void and in no mask: ",
-                     FirstNames(names)));
-  }
-  for (const auto& [what, files] : of_turned_photos_) {
-    const std::vector<std::string> names(files.begin(), files.end());
-    warnings.push_back(absl::StrCat(
-        names.size(), " ", NameOf(what.first), " of photographs with an EXIF orientation are of ",
-        pepeseg::NameOf(what.second), " pixels, and are read so: ", FirstNames(names)));
-  }
 }
 
 }  // namespace pepeseg

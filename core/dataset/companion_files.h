@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <map>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,14 +12,12 @@
 #include "core/dataset/mask_files.h"
 #include "core/dataset/photo_file.h"
 #include "core/dataset/pixel_frame.h"
+#include "core/dataset/reading_notes.h"
 #include "core/scene/capture.h"
 #include "core/scene/lens.h"
 #include "core/scene/mask_set.h"
 
 namespace pepeseg {
-
-// The files that belong to photographs, by what they hold. One tool has made all of a kind.
-enum class Companion { kMasks, kIgnore, kDepth };
 
 // The pixel frame of each kind of companion where its size fits both frames of the photograph.
 using CompanionFrames = std::map<Companion, PixelFrame>;
@@ -52,7 +49,7 @@ absl::StatusOr<FittedCamera> FitCamera(const Lens& lens, const PhotoFacts& photo
 // Reads masks, ignore masks and depth maps of photographs. A file may have been made for the stored
 // or for the upright pixels: it is read as the frame whose shape it has, and turned to the pixels
 // of the camera. Where both shapes fit, `frames` decides; a kind that it lacks is of the stored
-// pixels.
+// pixels. Thread safe.
 class CompanionFiles {
  public:
   // `index` must outlive it.
@@ -61,17 +58,18 @@ class CompanionFiles {
 
   // Return what the photograph `stem` (its name below images/ without suffix) has: its masks, the
   // pixels that its ignore masks exclude ([height, width], 1), and its depth map with NaN where
-  // depth is unknown. Empty: it has none. Errors as ReadMasks, ReadIgnoreMask and ReadDepthMap.
-  absl::StatusOr<MaskSet> Masks(const std::string& stem, const CameraPixels& pixels);
-  absl::StatusOr<std::vector<uint8_t>> Ignored(const std::string& stem, const CameraPixels& pixels);
-  absl::StatusOr<FloatImage> Depth(const std::string& stem, const CameraPixels& pixels);
+  // depth is unknown. Empty: it has none. They add to `notes` the masks with soft borders or void
+  // pixels, and the files that were turned; null: nobody asks. Errors as ReadMasks, ReadIgnoreMask
+  // and ReadDepthMap.
+  absl::StatusOr<MaskSet> Masks(const std::string& stem, const CameraPixels& pixels,
+                                ReadingNotes* notes = nullptr) const;
+  absl::StatusOr<std::vector<uint8_t>> Ignored(const std::string& stem, const CameraPixels& pixels,
+                                               ReadingNotes* notes = nullptr) const;
+  absl::StatusOr<FloatImage> Depth(const std::string& stem, const CameraPixels& pixels,
+                                   ReadingNotes* notes = nullptr) const;
 
   // Returns the file of a kind that names it in messages, or null.
   const DatasetFile* FileOf(Companion kind, const std::string& stem) const;
-
-  // Adds warnings that name the masks with soft borders or void pixels, and the files that were
-  // turned.
-  void AddWarnings(std::vector<std::string>& warnings) const;
 
  private:
   // A file's content, and the frame of the photograph that it fits.
@@ -83,13 +81,11 @@ class CompanionFiles {
   };
   template <class T>
   absl::StatusOr<Fitted<T>> ReadFitting(
-      Companion kind, const DatasetFile& file, const CameraPixels& pixels,
-      absl::FunctionRef<absl::StatusOr<T>(const PhotoSize&)> read);
+      Companion kind, const DatasetFile& file, const CameraPixels& pixels, ReadingNotes* notes,
+      absl::FunctionRef<absl::StatusOr<T>(const PhotoSize&)> read) const;
 
   const DatasetIndex& index_;
   CompanionFrames frames_;
-  std::set<std::string> soft_, with_void_;  // names of mask files
-  std::map<std::pair<Companion, PixelFrame>, std::set<std::string>> of_turned_photos_;
 };
 
 }  // namespace pepeseg

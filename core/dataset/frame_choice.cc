@@ -45,7 +45,7 @@ std::vector<T> Spread(std::vector<T> all) {
 }
 
 // Returns what the photograph has of a kind as values of its stored shape; empty: nothing.
-absl::StatusOr<FloatImage> ValuesOf(Companion kind, const Examined& photo, CompanionFiles& files) {
+absl::StatusOr<FloatImage> ValuesOf(Companion kind, const Examined& photo, const CompanionFiles& files) {
   const std::string stem(WithoutSuffix(photo.key));
   const CameraPixels pixels = StoredPixels(photo);
   FloatImage values{photo.facts.width, photo.facts.height, {}};
@@ -77,7 +77,7 @@ std::vector<Examined> AlikePhotos(const DatasetIndex& index, const PhotoFactsByK
 // Decides one kind; nullopt: no photograph has it, or both frames give the same.
 absl::StatusOr<std::optional<PixelFrame>> ChooseFrame(Companion kind, const DatasetIndex& index,
                                                       std::vector<Examined> alike) {
-  CompanionFiles files(index);
+  const CompanionFiles files(index);
   std::erase_if(alike, [&](const Examined& photo) {
     return files.FileOf(kind, std::string(WithoutSuffix(photo.key))) == nullptr;
   });
@@ -163,7 +163,7 @@ absl::StatusOr<std::optional<PixelFrame>> DepthFrameByPoints(
     const DatasetIndex& index, const PhotoPoses& poses, std::span<const Match> matches,
     const PhotoFactsByKey& facts, PixelFrame cameras, std::span<const ScenePoint> points) {
   constexpr double kClearlyHigher = 0.15, kClear = 0.3;  // correlations
-  CompanionFiles files_stored(index),
+  const CompanionFiles files_stored(index),
       files_upright(index, {{Companion::kDepth, PixelFrame::kUpright}});
   std::vector<std::pair<Match, FittedCamera>> alike;
   for (const Match& match : matches) {

@@ -113,15 +113,26 @@ void LeaveOutPriors(const ImportOptions& options, DatasetIndex& index) {
   }
 }
 
-// Chooses the frames of the files whose sizes fit both. Poses and points are relative to the
-// origin.
-absl::StatusOr<DatasetFrames> ChooseFrames(const PhotoPoses& poses, std::span<const Match> matches,
-                                           std::span<const ScenePoint> points,
-                                           DatasetIndex& index) {
+absl::StatusOr<PhotoFactsByKey> ReadFacts(std::span<const Match> matches) {
   PhotoFactsByKey facts;
   for (const Match& match : matches) {
     ASSIGN_OR_RETURN(facts[match.key], ReadPhotoFacts(*match.photo));
   }
+  return facts;
+}
+
+int64_t MostPixels(const PhotoFactsByKey& facts) {
+  int64_t most = 0;
+  for (const auto& [key, photo] : facts) most = std::max(most, int64_t{photo.width} * photo.height);
+  return most;
+}
+
+// Chooses the frames of the files whose sizes fit both. Poses and points are relative to the
+// origin.
+absl::StatusOr<DatasetFrames> ChooseFrames(const PhotoPoses& poses, std::span<const Match> matches,
+                                           const PhotoFactsByKey& facts,
+                                           std::span<const ScenePoint> points,
+                                           DatasetIndex& index) {
   DatasetFrames frames;
   ASSIGN_OR_RETURN(frames.cameras, ChooseCameraFrame(poses, matches, facts, points, index));
   std::set<Companion> kinds = {Companion::kMasks, Companion::kIgnore, Companion::kDepth};
@@ -146,13 +157,26 @@ bool IsIgnoredWhole(const View& view) {
          std::ranges::all_of(view.ignore, [](uint8_t value) { return value != 0; });
 }
 
-// Reads the views of the matches. Photographs that are ignored as a whole are left out, with a
-// warning.
-absl::Status ReadViews(std::span<const Match> matches, const ImportOptions& options,
-                       ViewReader& reader, Capture& capture, std::vector<std::string>& warnings) {
+// Reads the views of the matches on several threads.
+absl::StatusOr<std::vector<View>> ReadViews(std::span<const Match> matches, int num_readers,
+                                            const ViewReader& first, ReadingNotes& notes) {
+  std::vector<ViewReader> readers(num_readers, first);
+  std::vector<View> views(matches.size());
+  RETURN_IF_ERROR(ReadEach(matches.size(), num_readers, [&](size_t i, int reader) -> absl::Status {
+    ASSIGN_OR_RETURN(views[i], readers[reader].Read(matches[i]));
+    return absl::OkStatus();
+  }));
+  for (const ViewReader& reader : readers) notes.Merge(reader.notes());
+  return views;
+}
+
+// Gives the views to the capture, and says which are held out. Photographs that are ignored as a
+// whole are left out, with a warning.
+absl::Status TakeViews(std::vector<View> views, const ImportOptions& options, Capture& capture,
+                       std::vector<std::string>& warnings) {
+  const size_t num_views = views.size();
   std::vector<std::string> ignored;
-  for (const Match& match : matches) {
-    ASSIGN_OR_RETURN(View view, reader.Read(match));
+  for (View& view : views) {
     // Counted among the views that have a pose.
     view.held_out = IsHeldOut(options, view.name, capture.views.size());
     if (IsIgnoredWhole(view)) {
@@ -163,7 +187,7 @@ absl::Status ReadViews(std::span<const Match> matches, const ImportOptions& opti
   }
   if (capture.views.size() < 2) {
     return absl::InvalidArgumentError(
-        absl::StrCat("all pixels of ", ignored.size(), " of ", matches.size(),
+        absl::StrCat("all pixels of ", ignored.size(), " of ", num_views,
                      " photographs are ignored; at least 2 must show something. In ignore/ what is "
                      "not 0 is left "
                      "out; in masks that transforms.json names (mask_path), what is 0: ",
@@ -191,7 +215,7 @@ void VisitOptions(ImportOptions& o, OptionVisitor visit) {
 absl::Status Validate(const ImportOptions& options) { return CheckOptions(options); }
 
 absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
-                                      const ImportOptions& options) {
+                                      const ImportOptions& options, int num_threads) {
   RETURN_IF_ERROR(Validate(options));
   ASSIGN_OR_RETURN(DatasetIndex index, IndexDataset(files));
   LeaveOutPriors(options, index);
@@ -214,9 +238,15 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", index.warnings));
   Capture capture;
   RETURN_IF_ERROR(PlaceScene(index, poses, matches, capture));
-  ASSIGN_OR_RETURN(DatasetFrames frames, ChooseFrames(poses, matches, capture.points, index));
-  ViewReader reader(index, poses, std::move(frames), options.image_scale);
-  RETURN_IF_ERROR(ReadViews(matches, options, reader, capture, index.warnings));
+  ASSIGN_OR_RETURN(const PhotoFactsByKey facts, ReadFacts(matches));
+  ASSIGN_OR_RETURN(DatasetFrames frames,
+                   ChooseFrames(poses, matches, facts, capture.points, index));
+  ReadingNotes notes;
+  ASSIGN_OR_RETURN(
+      std::vector<View> read,
+      ReadViews(matches, NumReaders(MostPixels(facts), num_threads),
+                ViewReader(index, poses, std::move(frames), options.image_scale), notes));
+  RETURN_IF_ERROR(TakeViews(std::move(read), options, capture, index.warnings));
   capture.warnings = std::move(index.warnings);
   const bool has_ignore_masks =
       index.ignore_all != nullptr || !index.ignore.empty() || !index.keep.empty();
@@ -226,56 +256,13 @@ absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
   for (auto& warning : {WarnOfKeepMasks(capture), WarnOfDarkPhotographs(capture)}) {
     if (warning) capture.warnings.push_back(*warning);
   }
-  reader.AddWarnings(capture.warnings);
+  notes.AddWarnings(capture.warnings);
   std::vector<View*> views;
   for (View& view : capture.views) views.push_back(&view);
   for (std::string& warning : CorrectDepthKinds(views, capture.points)) {
     capture.warnings.push_back(std::move(warning));
   }
   return capture;
-}
-
-absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFile> files,
-                                                      Capture& capture) {
-  std::vector<std::string> keys, warnings;
-  for (const View& view : capture.views) keys.push_back(view.name);
-  ASSIGN_OR_RETURN(const DatasetIndex index, IndexPriors(files, keys));
-  RETURN_IF_ERROR(CheckCompanions(keys, index.masks, "mask files", warnings));
-  RETURN_IF_ERROR(CheckCompanions(keys, index.depth, "depth maps", warnings));
-  // Priors are made of upright copies of the photographs.
-  CompanionFiles companions(index, {{Companion::kMasks, PixelFrame::kUpright},
-                                    {Companion::kDepth, PixelFrame::kUpright}});
-  DepthWarper depth_warper;
-  std::vector<ViewPriors> made;
-  std::optional<ViewWarp> warp;  // that of `warped`; most views have the same lens
-  const View* warped = nullptr;
-  for (const View& view : capture.views) {
-    // Every imported view has a photograph.
-    if (!warp || *warped->photograph != *view.photograph || warped->camera != view.camera) {
-      warp = ViewWarp::Restore(*view.photograph, view.camera);
-      warped = &view;
-    }
-    const Lens& lens = view.photograph->lens;
-    const CameraPixels pixels{
-        {view.name, lens.width, lens.height}, view.photograph->orientation, PixelFrame::kStored};
-    ASSIGN_OR_RETURN(ViewPriors priors, ReadPriors(view, pixels, *warp, companions, depth_warper));
-    made.push_back(std::move(priors));
-  }
-  std::vector<View*> with_depth;
-  // Nothing can fail from here on, so the capture is changed completely or not at all.
-  for (size_t i = 0; i < capture.views.size(); ++i) {
-    View& view = capture.views[i];
-    if (!made[i].masks.empty()) view.masks = std::move(made[i].masks);
-    if (made[i].depth.values.empty()) continue;
-    view.depth = std::move(made[i].depth);
-    with_depth.push_back(&view);
-  }
-  depth_warper.AddWarnings(warnings);
-  companions.AddWarnings(warnings);
-  for (std::string& warning : CorrectDepthKinds(with_depth, capture.points)) {
-    warnings.push_back(std::move(warning));
-  }
-  return warnings;
 }
 
 }  // namespace pepeseg

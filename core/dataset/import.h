@@ -51,16 +51,17 @@ absl::Status Validate(const ImportOptions& options);
 // the field and the limit: a file is malformed, files contradict each other, or fewer than 2 views
 // are usable, or options.held_out_views names no photograph. No memory is allocated for a count
 // that a file declares but cannot hold. Gaussians are not read; there may be at most one file of
-// them.
+// them. Photographs are decoded on up to num_threads threads, 0: as many as the machine has; the
+// capture does not depend on their number.
 absl::StatusOr<Capture> ImportCapture(std::span<const DatasetFile> files,
-                                      const ImportOptions& options);
+                                      const ImportOptions& options, int num_threads = 0);
 
 // Adds masks and depth maps that were made after the import to the views of `capture`, with the
 // same result as an import that includes them, but without decoding the photographs again. Files
 // whose size fits both pixel frames of a photograph are of its upright pixels. Returns warnings. On
 // an error, which is as for ImportCapture, the capture stays unchanged.
 absl::StatusOr<std::vector<std::string>> ImportPriors(std::span<const DatasetFile> files,
-                                                      Capture& capture);
+                                                      Capture& capture, int num_threads = 0);
 
 // Which views of a dataset are held out of training (METHOD.md section 0).
 

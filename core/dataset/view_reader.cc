@@ -1,17 +1,26 @@
 #include "core/dataset/view_reader.h"
 
+#include <algorithm>
+#include <atomic>
 #include <limits>
+#include <thread>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_name.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/photo_file.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 
-DepthPrior DepthWarper::ToView(const DatasetFile* file, const FloatImage& map, const View& view,
-                               const ViewWarp& warp) {
+namespace {
+
+// Returns the prior of the view for a map of its photograph; an empty one for an empty map or one
+// without information. `file` is the map's, null without one.
+DepthPrior DepthOfView(const DatasetFile* file, const FloatImage& map, const View& view,
+                       const ViewWarp& warp, ReadingNotes& notes) {
   DepthPrior prior;
   if (file == nullptr) return prior;
   prior.kind =
@@ -23,25 +32,47 @@ DepthPrior DepthWarper::ToView(const DatasetFile* file, const FloatImage& map, c
     if (view.ignore[i] != 0) depth[i] = std::numeric_limits<float>::quiet_NaN();
   }
   prior.values = NormalizeDepth(std::move(depth));
-  if (prior.values.empty()) without_depth_.push_back(file->name);
+  if (prior.values.empty()) notes.without_depth.insert(file->name);
   return prior;
 }
 
-void DepthWarper::AddWarnings(std::vector<std::string>& warnings) const {
-  if (without_depth_.empty()) return;
-  warnings.push_back(LeftOut(without_depth_, "depth maps have one value everywhere, or none"));
-}
+}  // namespace
 
 absl::StatusOr<ViewPriors> ReadPriors(const View& view, const CameraPixels& pixels,
-                                      const ViewWarp& warp, CompanionFiles& files,
-                                      DepthWarper& depth) {
+                                      const ViewWarp& warp, const CompanionFiles& files,
+                                      ReadingNotes& notes) {
   const std::string stem(WithoutSuffix(view.name));
   ViewPriors priors;
-  ASSIGN_OR_RETURN(const MaskSet masks, files.Masks(stem, pixels));
+  ASSIGN_OR_RETURN(const MaskSet masks, files.Masks(stem, pixels, &notes));
   if (files.FileOf(Companion::kMasks, stem) != nullptr) priors.masks = warp.Masks(masks);
-  ASSIGN_OR_RETURN(const FloatImage map, files.Depth(stem, pixels));
-  priors.depth = depth.ToView(files.FileOf(Companion::kDepth, stem), map, view, warp);
+  ASSIGN_OR_RETURN(const FloatImage map, files.Depth(stem, pixels, &notes));
+  priors.depth = DepthOfView(files.FileOf(Companion::kDepth, stem), map, view, warp, notes);
   return priors;
+}
+
+int NumReaders(int64_t max_pixels, int num_threads) {
+  constexpr int64_t kMostPixels = 128'000'000;  // decoded at once
+  const int64_t threads =
+      num_threads > 0 ? num_threads : std::max(1U, std::thread::hardware_concurrency());
+  return static_cast<int>(
+      std::clamp<int64_t>(kMostPixels / std::max<int64_t>(1, max_pixels), 1, threads));
+}
+
+absl::Status ReadEach(size_t count, int num_readers,
+                      absl::FunctionRef<absl::Status(size_t i, int reader)> read) {
+  std::vector<absl::Status> results(count);
+  std::atomic<size_t> first_failed = count;
+  ThreadPool pool(num_readers);
+  pool.ParallelFor(static_cast<int64_t>(count), [&](int64_t task, int reader) {
+    const auto i = static_cast<size_t>(task);
+    if (i > first_failed) return;
+    results[i] = read(i, reader);
+    if (results[i].ok()) return;
+    for (size_t first = first_failed; i < first;) {
+      if (first_failed.compare_exchange_weak(first, i)) break;
+    }
+  });
+  return first_failed < count ? results[first_failed] : absl::OkStatus();
 }
 
 ViewReader::ViewReader(const DatasetIndex& index, const PhotoPoses& poses, DatasetFrames frames,
@@ -62,10 +93,10 @@ absl::StatusOr<View> ViewReader::Read(const Match& match) {
   const PhotoFacts facts{photo.image.width, photo.image.height, photo.orientation};
   ASSIGN_OR_RETURN(const FittedCamera fitted,
                    FitCamera(camera->second, facts, camera_frame_, match.photo->name));
-  num_resized_ += fitted.lens.width != camera->second.width ? 1 : 0;
+  notes_.num_resized += fitted.lens.width != camera->second.width ? 1 : 0;
   if (fitted.pixels.frame == PixelFrame::kUpright) {
     // The upright pixels become the stored ones of the view.
-    turned_.push_back(match.photo->name);
+    notes_.turned.insert(match.photo->name);
     photo = Upright(std::move(photo));
   }
   RETURN_IF_ERROR(PrepareWarp(match.pose.camera_id, fitted.lens));
@@ -79,21 +110,6 @@ absl::StatusOr<View> ViewReader::Read(const Match& match) {
   if (!photo.transparent.empty()) view.ignore = warp_->Ignore(photo.transparent);
   RETURN_IF_ERROR(ReadCompanions(fitted.pixels, view));
   return view;
-}
-
-void ViewReader::AddWarnings(std::vector<std::string>& warnings) const {
-  depth_.AddWarnings(warnings);
-  files_.AddWarnings(warnings);
-  if (num_resized_ > 0) {
-    warnings.push_back(absl::StrCat(num_resized_,
-                                    " photographs have another size than their cameras, which "
-                                    "were scaled to fit"));
-  }
-  if (!turned_.empty()) {
-    warnings.push_back(absl::StrCat(
-        turned_.size(), " photographs are turned by their EXIF orientation, because their ",
-        "cameras are of the upright pixels: ", FirstNames(turned_)));
-  }
 }
 
 // Sets warp_ to the warp of the camera. Only the last one is kept, because a warp is as large as
@@ -116,14 +132,14 @@ absl::Status ViewReader::PrepareWarp(uint32_t camera_id, const Lens& lens) {
 
 absl::Status ViewReader::ReadCompanions(const CameraPixels& pixels, View& view) {
   const std::string stem(WithoutSuffix(view.name));
-  ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored, files_.Ignored(stem, pixels));
+  ASSIGN_OR_RETURN(const std::vector<uint8_t> ignored, files_.Ignored(stem, pixels, &notes_));
   if (!ignored.empty()) {
     // Transparent pixels are ignored already.
     const std::vector<uint8_t> warped = warp_->Ignore(ignored);
     view.ignore.resize(warped.size(), 0);
     for (size_t i = 0; i < warped.size(); ++i) view.ignore[i] |= warped[i];
   }
-  ASSIGN_OR_RETURN(ViewPriors priors, ReadPriors(view, pixels, *warp_, files_, depth_));
+  ASSIGN_OR_RETURN(ViewPriors priors, ReadPriors(view, pixels, *warp_, files_, notes_));
   view.masks = std::move(priors.masks);
   view.depth = std::move(priors.depth);
   return absl::OkStatus();

@@ -2,9 +2,8 @@
 
 #include <cstdint>
 #include <optional>
-#include <string>
-#include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/dataset/companion_files.h"
@@ -13,35 +12,22 @@
 #include "core/dataset/match_poses.h"
 #include "core/dataset/photo_poses.h"
 #include "core/dataset/pixel_frame.h"
+#include "core/dataset/reading_notes.h"
 #include "core/dataset/view_warp.h"
 #include "core/scene/capture.h"
 #include "core/scene/lens.h"
 
 namespace pepeseg {
 
-// Warps depth maps of photographs to their views.
-class DepthWarper {
- public:
-  // Returns the prior of the view for a map of its photograph; an empty one for an empty map or one
-  // without information. `file` is the map's, null without one.
-  DepthPrior ToView(const DatasetFile* file, const FloatImage& map, const View& view,
-                    const ViewWarp& warp);
-  // Adds a warning that names the depth maps without information.
-  void AddWarnings(std::vector<std::string>& warnings) const;
-
- private:
-  std::vector<std::string> without_depth_;
-};
-
 struct ViewPriors {
   MaskSet masks;
   DepthPrior depth;
 };
-// Reads masks and depth of a view. `pixels` are those of its camera. Returns the errors of
-// CompanionFiles.
+// Reads masks and depth of a view, for its pixels. `pixels` are those of its camera. A depth map
+// without information is left out, with a note. Returns the errors of CompanionFiles.
 absl::StatusOr<ViewPriors> ReadPriors(const View& view, const CameraPixels& pixels,
-                                      const ViewWarp& warp, CompanionFiles& files,
-                                      DepthWarper& depth);
+                                      const ViewWarp& warp, const CompanionFiles& files,
+                                      ReadingNotes& notes);
 
 // The pixel frames of a dataset's files where their sizes fit both.
 struct DatasetFrames {
@@ -49,8 +35,19 @@ struct DatasetFrames {
   CompanionFrames companions;
 };
 
-// Reads the views of a dataset with their photographs, masks, depth and ignored pixels, one after
-// the other.
+// Returns how many photographs are decoded at once on at most num_threads threads, 0: as many as
+// the machine has, if the largest has max_pixels pixels: what is decoded together stays below about
+// 128 megapixels.
+int NumReaders(int64_t max_pixels, int num_threads);
+
+// Calls read(i, reader) once for each i in [0, count) on several threads. No two calls at once have
+// the same `reader`, in [0, num_readers). Returns the error of the least i whose call failed; calls
+// after it may be left out.
+absl::Status ReadEach(size_t count, int num_readers,
+                      absl::FunctionRef<absl::Status(size_t i, int reader)> read);
+
+// Reads the views of a dataset with their photographs, masks, depth and ignored pixels. Not thread
+// safe: each thread has a reader of its own.
 class ViewReader {
  public:
   // The index and the poses must outlive it. image_scale: ImportOptions::image_scale.
@@ -59,8 +56,8 @@ class ViewReader {
 
   // Returns INVALID_ARGUMENT, which names the file, for what cannot be read or does not fit.
   absl::StatusOr<View> Read(const Match& match);
-  // Adds what was changed or left out so far.
-  void AddWarnings(std::vector<std::string>& warnings) const;
+  // What was changed or left out so far.
+  const ReadingNotes& notes() const { return notes_; }
 
  private:
   absl::Status PrepareWarp(uint32_t camera_id, const Lens& lens);
@@ -70,9 +67,7 @@ class ViewReader {
   PixelFrame camera_frame_;
   double image_scale_;
   CompanionFiles files_;
-  DepthWarper depth_;
-  int num_resized_ = 0;
-  std::vector<std::string> turned_;
+  ReadingNotes notes_;
   std::optional<ViewWarp> warp_;
   uint32_t warp_camera_ = 0;
   Lens warp_lens_;

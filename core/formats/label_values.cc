@@ -49,22 +49,23 @@ std::optional<uint32_t> SoftMaskThreshold(const LabelImage& image) {
     if (!GreyOf(label)) return std::nullopt;
     most = std::max(most, label);
   }
-  int64_t num = 0, num_flat = 0, num_between = 0;
+  const auto is_between = [most](uint32_t label) { return label != 0 && label != most; };
+  const auto total = static_cast<double>(std::ranges::count_if(image.labels, is_between));
+  const double most_flat = kMostFlat * total;
+  int64_t num_flat = 0, num_between = 0;
   std::set<uint32_t> values;
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
       const uint32_t label = image.labels[static_cast<size_t>(y) * image.width + x];
-      if (label == 0 || label == most) continue;
+      if (!is_between(label)) continue;
       const Neighbourhood around = Around(image, x, y);
-      ++num;
       if (values.size() < kFewestValues) values.insert(label);
       num_flat += around.flat;
+      if (static_cast<double>(num_flat) > most_flat) return std::nullopt;
       num_between += around.has_less && around.has_more;
     }
   }
-  const auto total = static_cast<double>(num);
-  if (values.size() < kFewestValues || static_cast<double>(num_flat) > kMostFlat * total ||
-      static_cast<double>(num_between) < kLeastBetween * total) {
+  if (values.size() < kFewestValues || static_cast<double>(num_between) < kLeastBetween * total) {
     return std::nullopt;
   }
   return most / 2;

@@ -156,7 +156,7 @@ absl::StatusOr<std::vector<uint8_t>> IgnoredPixels(const SfmPhotograph& photogra
   // Which of them is for all photographs makes no difference to their union.
   index.ignore_all = &photograph.ignore.front();
   if (photograph.ignore.size() > 1) index.ignore[stem] = &photograph.ignore.back();
-  CompanionFiles files(index, {{Companion::kIgnore, photograph.ignore_frame}});
+  const CompanionFiles files(index, {{Companion::kIgnore, photograph.ignore_frame}});
   return files.Ignored(stem, {size, photograph.orientation, PixelFrame::kStored});
 }
 

@@ -118,7 +118,8 @@ absl::Status PriorStage::MakeByCommand(PriorWants asked, TrainingScene& scene) {
 absl::Status PriorStage::TakeFromCommand(PriorWants wants, TrainingScene& scene) {
   ASSIGN_OR_RETURN(const std::vector<DatasetFile> made,
                    RunPriorsCommand(inputs_, PosedPhotographs(scene), wants, stages_));
-  const absl::StatusOr<std::vector<std::string>> warnings = ImportPriors(made, scene.capture);
+  const absl::StatusOr<std::vector<std::string>> warnings =
+      ImportPriors(made, scene.capture, inputs_.tools.num_threads);
   if (!warnings.ok()) {
     return absl::FailedPreconditionError(
         absl::StrCat("the priors ", SourceOfCommand(inputs_.tools.priors_command),

@@ -145,7 +145,8 @@ absl::Status Training::EstimatePoses() {
 // Decodes the photographs once, into the views that all later stages work on. Only SAM decodes
 // photographs itself, because it starts before there are views.
 absl::Status Training::ImportViews() {
-  ASSIGN_OR_RETURN(scene_.capture, ImportCapture(scene_.files, settings_.import));
+  ASSIGN_OR_RETURN(scene_.capture,
+                   ImportCapture(scene_.files, settings_.import, inputs_.tools.num_threads));
   stages_.WarnOfAll(scene_.capture.warnings);
   SetViews(scene_.capture, facts_);
   Plan();

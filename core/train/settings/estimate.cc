@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/dataset/view_reader.h"
 #include "core/features/estimate.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/render/renderer.h"
@@ -28,8 +29,12 @@ void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& si
 class MemoryEstimator {
  public:
   MemoryEstimator(const Backend& backend, const DatasetSize& dataset,
-                  const TrainingSettings& settings, const MemoryNeed& sam)
-      : backend_(backend), dataset_(dataset), settings_(settings), sam_(sam) {}
+                  const TrainingSettings& settings, const MemoryNeed& sam, int num_threads)
+      : backend_(backend),
+        dataset_(dataset),
+        settings_(settings),
+        sam_(sam),
+        num_threads_(num_threads) {}
 
   // Stages that run one after the other do not add up, but SAM runs next to "sfm" and
   // "reconstruct".
@@ -38,7 +43,8 @@ class MemoryEstimator {
     const int64_t capture_bytes = CaptureBytes(size);
     switch (need.stage) {
       case Stage::kPrepare:
-        need.host_bytes = capture_bytes + kDecodingBytes * dataset_.max_source_pixels;
+        need.host_bytes = capture_bytes + kDecodingBytes * dataset_.max_source_pixels *
+                                              NumReaders(dataset_.max_source_pixels, num_threads_);
         return;
       case Stage::kSfm:
         need.host_bytes =
@@ -81,6 +87,7 @@ class MemoryEstimator {
   const DatasetSize& dataset_;
   const TrainingSettings& settings_;
   MemoryNeed sam_;
+  int num_threads_;
 };
 
 }  // namespace
@@ -123,7 +130,7 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
     const bool on_device = !backend.memory().is_host;
     sam.device_bytes = on_device ? SamDeviceBytes(dataset.training.max_pixels) : 0;
   }
-  const MemoryEstimator memory(backend, dataset, settings, sam);
+  const MemoryEstimator memory(backend, dataset, settings, sam, tools.num_threads);
   std::vector<StageNeed> needs;
   needs.reserve(plan.size());
   for (const PlannedStage& stage : plan) {
