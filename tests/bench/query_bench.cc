@@ -1,13 +1,19 @@
-// Measures the latency of requests to a running server from a client on the same host. Usage:
+// Measures the latency of requests to a running server from a client on the same host, and the
+// processor time that an answer takes client and server. Usage:
 //   pepeseg_query_bench --server 127.0.0.1:PORT SCENE [--pixels 1000000] [--clients 64]
+//       [--server-process ID]
 #include <grpcpp/grpcpp.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
+#include <iterator>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -26,22 +32,61 @@ struct BenchOptions {
   int repeats = 50;
   int num_clients = 64;
   double seconds = 5;
+  int server_process = 0;  // 0: unknown
+  std::string only;        // the name of a row; empty: all rows
 };
 
-void PrintRow(const char* name, std::vector<double> ms, double server_ms) {
-  if (ms.empty()) return;
-  std::sort(ms.begin(), ms.end());
-  const auto at = [&](double share) {
-    return ms[static_cast<size_t>(share * static_cast<double>(ms.size() - 1))];
-  };
-  std::printf("| %s | %zu | %.2f | %.2f | %.2f | %.2f |\n", name, ms.size(), at(0.5), at(0.9),
-              at(0.99), server_ms);
+double MsOf(const google::protobuf::Duration& duration) {
+  return static_cast<double>(duration.seconds()) * 1e3 +
+         static_cast<double>(duration.nanos()) * 1e-6;
 }
 
-double ComputeMs(const v1::QueryTiming& timing) {
-  return static_cast<double>(timing.compute().seconds()) * 1e3 +
-         static_cast<double>(timing.compute().nanos()) * 1e-6;
+// Returns the processor time of a process so far, ms; 0: it is unknown.
+double CoreMsOf(int process) {
+  std::ifstream file("/proc/" + std::to_string(process) + "/stat");
+  const std::string text(std::istreambuf_iterator<char>(file), {});
+  // The name, in parentheses, may have spaces; user and system time are the 12th and 13th after it.
+  std::istringstream fields(text.substr(std::min(text.size(), text.rfind(')') + 1)));
+  std::string skipped;
+  for (int i = 0; i < 11; ++i) fields >> skipped;
+  double user = 0, system = 0;
+  fields >> user >> system;
+  return 1e3 * (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
 }
+
+// The answers to one kind of request.
+struct Answers {
+  explicit Answers(int server_process) : server_process_(server_process) {}
+
+  void Add(double latency_ms, const v1::QueryTiming& timing) {
+    ms.push_back(latency_ms);
+    queue += MsOf(timing.queue()), load += MsOf(timing.load());
+    compute += MsOf(timing.compute()), encode += MsOf(timing.encode());
+  }
+  void Add(const Answers& other) {
+    ms.insert(ms.end(), other.ms.begin(), other.ms.end());
+    queue += other.queue, load += other.load;
+    compute += other.compute, encode += other.encode;
+  }
+  void Print(const char* name) {
+    if (ms.empty()) return;
+    const double client = 1e3 * (CoreNow() - client_start_);
+    const double server = CoreMsOf(server_process_) - server_start_;
+    std::sort(ms.begin(), ms.end());
+    const auto count = static_cast<double>(ms.size());
+    const auto at = [&](double share) { return ms[static_cast<size_t>(share * (count - 1))]; };
+    std::printf("| %s | %zu | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |\n",
+                name, ms.size(), at(0.5), at(0.9), at(0.99), queue / count, load / count,
+                compute / count, encode / count, client / count, server / count);
+  }
+
+  std::vector<double> ms;                               // as the client sees them
+  double queue = 0, load = 0, compute = 0, encode = 0;  // ms of all, as the server says
+
+ private:
+  int server_process_;
+  double client_start_ = CoreNow(), server_start_ = CoreMsOf(server_process_);
+};
 
 class Bench {
  public:
@@ -82,8 +127,10 @@ class Bench {
 
   void Run() {
     std::printf("%d x %d pixels\n\n", view_.camera().width(), view_.camera().height());
-    std::printf("| request | answers | p50 ms | p90 ms | p99 ms | server's compute, last, ms |\n");
-    std::printf("|---|---|---|---|---|---|\n");
+    std::printf(
+        "| request | answers | p50 ms | p90 ms | p99 ms | mean queue ms | load ms | compute "
+        "ms | encode ms | client's core ms | server's core ms |\n");
+    std::printf("|---|---|---|---|---|---|---|---|---|---|---|\n");
     Repeat("cached view, the same", [&](int) { return Click(0.3, 0.75, 0); });
     Repeat("cached view, another scale", [&](int i) { return Click(0.01 + 0.01 * i, 0.75, 0); });
     Repeat("cached view, another threshold", [&](int i) { return Click(0.3, 0.5 + 0.005 * i, 0); });
@@ -109,6 +156,8 @@ class Bench {
 
  private:
   std::string model() const { return "scenes/" + options_.scene + "/models/live"; }
+
+  bool IsWanted(const char* name) const { return options_.only.empty() || options_.only == name; }
 
   // moved: displacement of the camera, which gives a view that the server has not rendered yet.
   v1::SegmentViewsRequest Click(double scale, double threshold, int moved) const {
@@ -136,23 +185,23 @@ class Bench {
 
   template <typename MakeRequest>
   void Repeat(const char* name, const MakeRequest& make) {
-    std::vector<double> ms;
-    double server_ms = 0;
+    if (!IsWanted(name)) return;
+    Answers answers(options_.server_process);
     for (int i = 0; i < options_.repeats; ++i) {
       const v1::SegmentViewsRequest request = make(i);
       const double start = NowMs();
       const auto answer = Ask(request);
-      if (!answer) continue;
-      ms.push_back(NowMs() - start);
-      server_ms = ComputeMs(answer->timing());
+      if (answer) answers.Add(NowMs() - start, answer->timing());
     }
-    PrintRow(name, std::move(ms), server_ms);
+    answers.Print(name);
   }
 
   void Drag() {
+    const char* const name = "cached view, by StreamSegments";
+    if (!IsWanted(name)) return;
     grpc::ClientContext context;
     const auto stream = segmentation_->StreamSegments(&context);
-    std::vector<double> ms;
+    Answers answers(options_.server_process);
     v1::StreamSegmentsResponse answer;
     for (int i = 0; i < options_.repeats; ++i) {
       v1::StreamSegmentsRequest request;
@@ -160,19 +209,22 @@ class Bench {
       *request.mutable_segment() = Click(0.3, 0.75, 0);
       const double start = NowMs();
       if (!stream->Write(request) || !stream->Read(&answer) || !answer.has_segment()) break;
-      ms.push_back(NowMs() - start);
+      answers.Add(NowMs() - start, answer.segment().timing());
     }
     stream->WritesDone();
     stream->Finish();
-    PrintRow("cached view, by StreamSegments", std::move(ms), ComputeMs(answer.segment().timing()));
+    answers.Print(name);
   }
 
   // Every client sends requests continuously on a connection of its own.
   void AskTogether() {
-    std::vector<std::vector<double>> ms(options_.num_clients);
+    const char* const name = "cached view, all clients at once";
+    if (!IsWanted(name)) return;
+    Answers all(options_.server_process);
+    std::vector<Answers> of_client(options_.num_clients, Answers(0));
     std::atomic<int> num_failed = 0;
     std::vector<std::thread> clients;
-    clients.reserve(ms.size());
+    clients.reserve(of_client.size());
     const double start = NowMs(), end = start + 1000 * options_.seconds;
     for (int c = 0; c < options_.num_clients; ++c) {
       clients.emplace_back([&, c] {
@@ -188,7 +240,7 @@ class Bench {
           const double asked = NowMs();
           const grpc::Status status = stub->SegmentViews(&context, request, &response);
           if (status.ok()) {
-            ms[c].push_back(NowMs() - asked);
+            of_client[c].Add(NowMs() - asked, response.timing());
           } else if (num_failed++ == 0) {
             std::printf("refused: %s\n", status.error_message().c_str());
           }
@@ -196,11 +248,10 @@ class Bench {
       });
     }
     for (std::thread& client : clients) client.join();
-    std::vector<double> all;
-    for (const auto& one : ms) all.insert(all.end(), one.begin(), one.end());
     const double seconds = (NowMs() - start) / 1000;
-    const auto count = static_cast<double>(all.size());
-    PrintRow("cached view, all clients at once", std::move(all), 0);
+    for (const Answers& one : of_client) all.Add(one);
+    const auto count = static_cast<double>(all.ms.size());
+    all.Print(name);
     std::printf("\n%d clients: %.0f answers a second, %d refused\n", options_.num_clients,
                 count / seconds, num_failed.load());
   }
@@ -226,6 +277,8 @@ int main(int argc, char** argv) {
   app.add_option("--repeats", options.repeats);
   app.add_option("--clients", options.num_clients);
   app.add_option("--seconds", options.seconds, "duration of the test with all clients, seconds");
+  app.add_option("--server-process", options.server_process, "id of the server's process");
+  app.add_option("--only", options.only, "measure only the request of this name");
   CLI11_PARSE(app, argc, argv);
   pepeseg::Bench bench(options);
   if (!bench.Prepare()) return EXIT_FAILURE;
