@@ -69,6 +69,9 @@ void RaiseDescriptorLimit() {
 void ReturnLargeBlocks() {
   constexpr int kThreshold = 1 << 20;  // bytes
   mallopt(M_MMAP_THRESHOLD, kThreshold);
+  // The blocks below it stay with the thread, up to this number of bytes: else each answer with a
+  // mask of a megapixel gets its pages from the kernel again, a quarter of the answer's time.
+  mallopt(M_TRIM_THRESHOLD, 2 * kThreshold);
 }
 
 // Ends the process at `deadline` with EXIT_FAILURE if it still runs, even if threads hang. Running

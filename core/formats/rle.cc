@@ -1,6 +1,7 @@
 #include "core/formats/rle.h"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cstring>
 #include <utility>
@@ -16,9 +17,16 @@ constexpr int64_t kSignBit = 0x10;
 constexpr char kFirstCharacter = '0';
 constexpr int kMaxDigits = 10;  // 50 bits, far more than any image needs
 
+// Returns eight pixels.
+uint64_t WordAt(const uint8_t* pixels) {
+  uint64_t word = 0;
+  std::memcpy(&word, pixels, sizeof(word));
+  return word;
+}
+
 // The pixels of a mask that differ from the pixel above them: there, runs down the columns begin.
-// Memory runs along the scanlines, so each scanline is compared with the one above it, eight pixels
-// at a time; most of these words are equal.
+// Memory runs along the scanlines, so each scanline is compared with the one above it, 32 pixels at
+// a time; most of these blocks are equal.
 class Changes {
  public:
   Changes(const BinaryMask& mask, int width, int height) : height_(height) {
@@ -45,16 +53,27 @@ class Changes {
 
  private:
   void CompareRows(const uint8_t* above, const uint8_t* row, int width, int y) {
+    constexpr int kPixels = 32;
     int x = 0;
-    for (; x + 8 <= width; x += 8) {
-      uint64_t a = 0;
-      uint64_t b = 0;
-      std::memcpy(&a, above + x, 8);
-      std::memcpy(&b, row + x, 8);
-      if (a == b) continue;
-      for (int k = x; k < x + 8; ++k) Compare(above[k], row[k], k, y);
+    for (; x + kPixels <= width; x += kPixels) {
+      const uint8_t* const a = above + x;
+      const uint8_t* const b = row + x;
+      if (((WordAt(a) ^ WordAt(b)) | (WordAt(a + 8) ^ WordAt(b + 8)) |
+           (WordAt(a + 16) ^ WordAt(b + 16)) | (WordAt(a + 24) ^ WordAt(b + 24))) == 0) {
+        continue;
+      }
+      for (int first = 0; first < kPixels; first += 8)
+        CompareWords(a + first, b + first, x + first, y);
     }
     for (; x < width; ++x) Compare(above[x], row[x], x, y);
+  }
+  void CompareWords(const uint8_t* above, const uint8_t* row, int x, int y) {
+    static_assert(std::endian::native == std::endian::little, "the first pixel is the lowest byte");
+    for (uint64_t differing = WordAt(above) ^ WordAt(row); differing != 0;) {
+      const int k = std::countr_zero(differing) / 8;
+      Compare(above[k], row[k], x + k, y);
+      differing &= ~(uint64_t{0xff} << (8 * k));
+    }
   }
   void Compare(uint8_t above, uint8_t pixel, int x, int y) {
     if ((above != 0) != (pixel != 0)) changes_.emplace_back(x, y);

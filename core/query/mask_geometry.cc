@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cstring>
 #include <iterator>
 #include <limits>
 #include <utility>
@@ -69,16 +70,19 @@ class RowDistances {
 
 }  // namespace
 
+// memchr and memrchr look at many pixels at once, and only at those that may widen the box, once
+// the row is known to have a pixel.
 void FindBox(std::span<const uint8_t> mask, int width, int (&box)[4]) {
   const int height = static_cast<int>(mask.size()) / width;
   int min_x = width, max_x = -1, min_y = height, max_y = -1;
   for (int y = 0; y < height; ++y) {
-    const std::span<const uint8_t> row = mask.subspan(static_cast<size_t>(y) * width, width);
-    const auto first = std::find(row.begin(), row.end(), uint8_t{1});
-    if (first == row.end()) continue;
-    const auto last = std::find(row.rbegin(), row.rend(), uint8_t{1});
-    min_x = std::min(min_x, static_cast<int>(first - row.begin()));
-    max_x = std::max(max_x, width - 1 - static_cast<int>(last - row.rbegin()));
+    const uint8_t* const row = mask.data() + static_cast<size_t>(y) * width;
+    const void* const first = std::memchr(row, 1, static_cast<size_t>(width));
+    if (first == nullptr) continue;
+    min_x = std::min(min_x, static_cast<int>(static_cast<const uint8_t*>(first) - row));
+    const uint8_t* const right = row + max_x + 1;
+    const void* const last = memrchr(right, 1, static_cast<size_t>(row + width - right));
+    if (last != nullptr) max_x = static_cast<int>(static_cast<const uint8_t*>(last) - row);
     min_y = std::min(min_y, y);
     max_y = y;
   }

@@ -6,6 +6,7 @@
 #include "core/base/device_lock.h"
 #include "core/base/status_macros.h"
 #include "core/query/decompose.h"
+#include "core/query/mask_geometry.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "core/render/renderer.h"
@@ -37,6 +38,13 @@ absl::Status CheckSubset(const GaussianSet* subset, const Model& model) {
   if (subset == nullptr || subset->member.size() == count) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat("the subset is of ", subset->member.size(),
                                                  " Gaussians, the model has ", count));
+}
+
+// The masks' boxes do not need the device.
+void FindBoxes(std::span<SegmentResult> results) {
+  for (SegmentResult& result : results) {
+    if (result.area > 0) FindBox(result.mask.pixels, result.width, result.box);
+  }
 }
 
 }  // namespace
@@ -95,7 +103,15 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
                                                               const SegmentOptions& options) const {
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
-  return state_->WithDevice([&] { return state_->features.Segment(query, targets, options); });
+  std::vector<SegmentResult> results;
+  results.reserve(targets.size());
+  for (const ModelView& target : targets) {
+    results.push_back(EmptyResult(query, target, options, model().field));
+  }
+  RETURN_IF_ERROR(state_->WithDevice(
+      [&] { return state_->features.Segment(query, targets, options, results); }));
+  FindBoxes(results);
+  return results;
 }
 
 absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(std::span<const Query> queries,
@@ -103,14 +119,20 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(std::span<const Qu
                                                               const SegmentOptions& options) const {
   RETURN_IF_ERROR(CheckView(target));
   for (const Query& query : queries) RETURN_IF_ERROR(CheckQuery(query));
-  return state_->WithDevice([&]() -> absl::StatusOr<std::vector<SegmentResult>> {
-    std::vector<SegmentResult> results;
-    for (const Query& query : queries) {
-      ASSIGN_OR_RETURN(auto result, state_->features.Segment(query, {&target, 1}, options));
-      results.push_back(std::move(result.front()));
+  std::vector<SegmentResult> results;
+  results.reserve(queries.size());
+  for (const Query& query : queries) {
+    results.push_back(EmptyResult(query, target, options, model().field));
+  }
+  RETURN_IF_ERROR(state_->WithDevice([&]() -> absl::Status {
+    for (size_t i = 0; i < queries.size(); ++i) {
+      RETURN_IF_ERROR(
+          state_->features.Segment(queries[i], {&target, 1}, options, {&results[i], 1}));
     }
-    return results;
-  });
+    return absl::OkStatus();
+  }));
+  FindBoxes(results);
+  return results;
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(

@@ -6,7 +6,6 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/device_lock.h"
 #include "core/base/status_macros.h"
-#include "core/query/mask_geometry.h"
 #include "kernels/buffer.h"
 #include "kernels/half.h"
 
@@ -17,7 +16,36 @@ int NumPositive(const Query& query) {
   return static_cast<int>(std::count(query.positive.begin(), query.positive.end(), 1));
 }
 
+// Returns the features of a query in the order that ops take, positive ones first: [features, 32].
+std::vector<float> PositiveFirst(const Query& query) {
+  std::vector<float> features;
+  features.reserve(query.features.size());
+  for (const bool positive : {true, false}) {
+    for (size_t i = 0; i < query.positive.size(); ++i) {
+      if ((query.positive[i] != 0) != positive) continue;
+      const auto first = query.features.begin() + static_cast<int64_t>(i) * kFeatureSize;
+      features.insert(features.end(), first, first + kFeatureSize);
+    }
+  }
+  return features;
+}
+
 }  // namespace
+
+SegmentResult EmptyResult(const Query& query, const ModelView& target,
+                          const SegmentOptions& options, const FeatureField& field) {
+  SegmentResult result;
+  result.view = target.name;
+  result.width = target.camera.width;
+  result.height = target.camera.height;
+  result.scale = query.scale;
+  result.scale_units = ScaleOfQuantile(field, query.scale);
+  result.threshold = query.threshold;
+  const size_t num_pixels = static_cast<size_t>(result.width) * result.height;
+  result.mask.pixels.resize(num_pixels);
+  if (options.want_similarity) result.similarity.resize(num_pixels);
+  return result;
+}
 
 ViewFeatures::ViewFeatures(Renderer& renderer, const Model& model, MapCounts* counts)
     : backend_(renderer.backend()),
@@ -36,14 +64,20 @@ void ViewFeatures::ReleaseOversized() {
 absl::StatusOr<std::vector<float>> ViewFeatures::At(const ModelView& view,
                                                     std::span<const int32_t> pixels) {
   ASSIGN_OR_RETURN(const FeatureMap map, maps_.Get(view));
-  std::vector<float> features;
-  features.reserve(pixels.size() * kFeatureSize);
-  for (const int32_t pixel : pixels) {
-    Half feature[kFeatureSize];
-    backend_.CopyToHost(feature, map.features.data + int64_t{pixel} * kFeatureSize,
-                        sizeof(feature));
-    for (const Half half : feature) features.push_back(FloatFromHalf(half));
+  const auto size = static_cast<int64_t>(pixels.size()) * kFeatureSize;
+  if (!at_pixels_.Reserve(backend_, size)) {
+    return absl::ResourceExhaustedError("no memory for the features of pixels");
   }
+  // Gathered on the device, so that the host waits once.
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    backend_.Copy(at_pixels_.span().data + static_cast<int64_t>(i) * kFeatureSize,
+                  map.features.data + int64_t{pixels[i]} * kFeatureSize,
+                  kFeatureSize * sizeof(Half));
+  }
+  std::vector<Half> halves(static_cast<size_t>(size));
+  at_pixels_.Download(std::span<Half>(halves));
+  std::vector<float> features(halves.size());
+  std::transform(halves.begin(), halves.end(), features.begin(), FloatFromHalf);
   // A failed device leaves zeros, which would be taken for a pixel without a feature.
   RETURN_IF_ERROR(TakeStatus(backend_));
   return features;
@@ -74,38 +108,40 @@ absl::StatusOr<std::vector<float>> ViewFeatures::Similarity(std::span<const floa
   return values;
 }
 
-absl::StatusOr<std::vector<SegmentResult>> ViewFeatures::Segment(const Query& query,
-                                                                 std::span<const ModelView> targets,
-                                                                 const SegmentOptions& options) {
-  const Buffer<float> queries = PositiveFirst(query);
-  std::vector<SegmentResult> results;
-  results.reserve(targets.size());
-  for (const ModelView& target : targets) {
-    ASSIGN_OR_RETURN(SegmentResult result, SegmentView(query, queries, target, options));
+absl::Status ViewFeatures::Segment(const Query& query, std::span<const ModelView> targets,
+                                   const SegmentOptions& options,
+                                   std::span<SegmentResult> results) {
+  std::vector<float> inputs(kFeatureSize);
+  PsiAt(model_.field.gate, static_cast<float>(query.scale), inputs.data());
+  const std::vector<float> features = PositiveFirst(query);
+  inputs.insert(inputs.end(), features.begin(), features.end());
+  inputs_.Reserve(backend_, static_cast<int64_t>(inputs.size()));
+  inputs_.Upload(inputs);
+  for (size_t i = 0; i < targets.size(); ++i) {
+    RETURN_IF_ERROR(SegmentView(query, targets[i], options, results[i]));
     RETURN_IF_ERROR(TakeStatus(backend_));
-    results.push_back(std::move(result));
   }
-  return results;
+  return absl::OkStatus();
 }
 
-absl::StatusOr<SegmentResult> ViewFeatures::SegmentView(const Query& query,
-                                                        const Buffer<float>& queries,
-                                                        const ModelView& target,
-                                                        const SegmentOptions& options) {
+absl::Status ViewFeatures::SegmentView(const Query& query, const ModelView& target,
+                                       const SegmentOptions& options, SegmentResult& result) {
   ASSIGN_OR_RETURN(const FeatureMap map, maps_.Get(target));
-  const Buffer<float> psi = GatesAt({&query.scale, 1});
   const int64_t num_pixels = map.features.size / kFeatureSize;
   const bool refine = options.refine_borders, with_similarity = refine || options.want_similarity;
   mask_.Reserve(backend_, num_pixels);
   if (refine) refined_.Reserve(backend_, num_pixels);
   if (with_similarity) similarity_.Reserve(backend_, num_pixels);
-  if (mask_.empty() || (refine && refined_.empty()) || (with_similarity && similarity_.empty())) {
+  if (inputs_.empty() || mask_.empty() || (refine && refined_.empty()) ||
+      (with_similarity && similarity_.empty())) {
     return absl::ResourceExhaustedError("no memory for the mask of a view");
   }
+  const DeviceSpan<const float> inputs = std::as_const(inputs_).span();
+  const DeviceSpan<const float> psi = inputs.Subspan(0, kFeatureSize);
   const auto threshold = static_cast<float>(query.threshold);
   backend_.SegmentPixels({.map = map.features,
-                          .psi = psi.span(),
-                          .queries = queries.span(),
+                          .psi = psi,
+                          .queries = inputs.Subspan(kFeatureSize, inputs.size - kFeatureSize),
                           .num_positive = NumPositive(query),
                           .min_norm = kMinPixelNorm,
                           .threshold = threshold,
@@ -117,48 +153,23 @@ absl::StatusOr<SegmentResult> ViewFeatures::SegmentView(const Query& query,
                            .height = target.camera.height,
                            .map = map.features,
                            .color = map.color,
-                           .psi = psi.span(),
+                           .psi = psi,
                            .similarity = std::as_const(similarity_).span(),
                            .threshold = threshold,
                            .mask = std::as_const(mask_).span(),
                            .refined = refined_.span(),
                            .sums = sums_.span()});
   }
-  SegmentResult result;
-  result.view = target.name;
-  result.width = target.camera.width;
-  result.height = target.camera.height;
-  result.scale = query.scale;
-  result.scale_units = ScaleOfQuantile(model_.field, query.scale);
-  result.threshold = query.threshold;
-  result.mask.pixels.resize(num_pixels);
   (refine ? refined_ : mask_).Download(std::span<uint8_t>(result.mask.pixels));
   int64_t sum[kNumSegmentSums] = {};
   sums_.Download(std::span<int64_t>(sum));
   if (sum[kNumInside] > 0) {
     result.score = static_cast<double>(sum[kSimilaritySum]) /
                    (static_cast<double>(sum[kNumInside]) * double{kSimilarityUnit});
-    FindBox(result.mask.pixels, result.width, result.box);
   }
   result.area = sum[kNumInside];
-  if (options.want_similarity) {
-    result.similarity.resize(num_pixels);
-    similarity_.Download(std::span<float>(result.similarity));
-  }
-  return result;
-}
-
-Buffer<float> ViewFeatures::PositiveFirst(const Query& query) const {
-  std::vector<float> features;
-  features.reserve(query.features.size());
-  for (const bool positive : {true, false}) {
-    for (size_t i = 0; i < query.positive.size(); ++i) {
-      if ((query.positive[i] != 0) != positive) continue;
-      const auto first = query.features.begin() + static_cast<int64_t>(i) * kFeatureSize;
-      features.insert(features.end(), first, first + kFeatureSize);
-    }
-  }
-  return {backend_, std::span<const float>(features)};
+  if (options.want_similarity) similarity_.Download(std::span<float>(result.similarity));
+  return absl::OkStatus();
 }
 
 absl::StatusOr<LevelCounts> ViewFeatures::CountLevels(const Query& query,
@@ -169,7 +180,8 @@ absl::StatusOr<LevelCounts> ViewFeatures::CountLevels(const Query& query,
   LevelCounts counts = {static_cast<int>(scales.size()), static_cast<int>(thresholds.size()), {}};
   const size_t side = thresholds.size() + 1;
   counts.pixels.resize(scales.size() * scales.size() * side * side);
-  const Buffer<float> queries = PositiveFirst(query), psi = GatesAt(scales);
+  const std::vector<float> features = PositiveFirst(query);
+  const Buffer<float> queries(backend_, std::span<const float>(features)), psi = GatesAt(scales);
   const Buffer<float> over(backend_, thresholds);
   Buffer<int32_t> overlaps(backend_, static_cast<int64_t>(counts.pixels.size()));
   Buffer<uint8_t> levels(backend_, map.features.size / kFeatureSize * counts.num_scales);

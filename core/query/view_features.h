@@ -50,6 +50,12 @@ struct LevelCounts {
   std::vector<int32_t> pixels;
 };
 
+// Returns the result of a query in a view before the mask is known: all pixels are outside. Takes
+// the memory of a mask, and with want_similarity that of the similarities, so that the holder of
+// the device lock need not.
+SegmentResult EmptyResult(const Query& query, const ModelView& target,
+                          const SegmentOptions& options, const FeatureField& field);
+
 // Computes masks and similarities from the feature maps of a model's views, on the device. For one
 // thread at a time, which must hold the device lock. Views, queries and scales are taken as valid
 // (prompt.h). Any call may return RESOURCE_EXHAUSTED; errors of the device itself are those of the
@@ -67,10 +73,10 @@ class ViewFeatures {
   // scale: [features, height, width].
   absl::StatusOr<std::vector<float>> Similarity(std::span<const float> features, double scale,
                                                 const ModelView& target);
-  // Returns the mask of a query in each view.
-  absl::StatusOr<std::vector<SegmentResult>> Segment(const Query& query,
-                                                     std::span<const ModelView> targets,
-                                                     const SegmentOptions& options);
+  // Writes the masks of a query in the target views, and their areas, scores and similarities, to
+  // `results`: those of EmptyResult, in the order of the targets.
+  absl::Status Segment(const Query& query, std::span<const ModelView> targets,
+                       const SegmentOptions& options, std::span<SegmentResult> results);
   // Returns how the masks of a query overlap at all pairs of scales and thresholds.
   absl::StatusOr<LevelCounts> CountLevels(const Query& query, std::span<const double> scales,
                                           std::span<const float> thresholds,
@@ -84,19 +90,17 @@ class ViewFeatures {
   void ReleaseOversized();
 
  private:
-  absl::StatusOr<SegmentResult> SegmentView(const Query& query, const Buffer<float>& queries,
-                                            const ModelView& target, const SegmentOptions& options);
+  absl::Status SegmentView(const Query& query, const ModelView& target,
+                           const SegmentOptions& options, SegmentResult& result);
   // Returns the gates psi(scale): [scales, 32].
   Buffer<float> GatesAt(std::span<const double> scales) const;
-  // Returns the features of a query in the order that ops take, positive ones first: [features,
-  // 32].
-  Buffer<float> PositiveFirst(const Query& query) const;
-
   Backend& backend_;
   Renderer& renderer_;
   const Model& model_;
   FeatureMaps maps_;
-  // Scratch of SegmentView, kept from call to call.
+  // Scratch of At and SegmentView, kept from call to call.
+  Buffer<Half> at_pixels_;  // [pixels, 32]
+  Buffer<float> inputs_;    // [1 + features, 32] the gate, then the features of the query
   Buffer<uint8_t> mask_, refined_;
   Buffer<float> similarity_;
   Buffer<int64_t> sums_;

@@ -41,7 +41,7 @@ std::vector<int64_t> NaiveCounts(const std::vector<uint8_t>& mask, int width, in
 TEST(CocoRle, EncodesRunsThatCrossColumnsAndWords) {
   std::mt19937 random(3);
   for (const auto& [width, height] :
-       {std::pair(1, 1), {8, 3}, {23, 17}, {9, 1}, {1, 9}, {40, 40}}) {
+       {std::pair(1, 1), {8, 3}, {23, 17}, {9, 1}, {1, 9}, {40, 40}, {32, 6}, {75, 50}}) {
     for (const int one_in : {1, 2, 9, 1000}) {
       std::vector<uint8_t> mask(static_cast<size_t>(width) * height);
       for (uint8_t& pixel : mask) pixel = random() % one_in == 0 ? 1 : 0;

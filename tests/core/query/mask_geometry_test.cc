@@ -32,6 +32,28 @@ PixelIndex NaiveDeepest(const std::vector<uint8_t>& mask, int width, int height)
   return deepest;
 }
 
+TEST(FindBox, MatchesBruteForce) {
+  std::mt19937 random(3);
+  for (const auto& [width, height] : {std::pair(70, 23), {3, 50}, {50, 3}, {1, 1}}) {
+    for (const unsigned sparsity : {1U, 12U, 900U, 1U << 30}) {
+      std::vector<uint8_t> mask(static_cast<size_t>(width) * height);
+      for (uint8_t& pixel : mask) pixel = random() % sparsity == 0 ? 1 : 0;
+      int left = width, top = height, right = 0, bottom = 0;
+      for (int i = 0; i < width * height; ++i) {
+        if (mask[i] == 0) continue;
+        left = std::min(left, i % width), right = std::max(right, i % width + 1);
+        top = std::min(top, i / width), bottom = std::max(bottom, i / width + 1);
+      }
+      int box[4] = {-1, -1, -1, -1};
+      FindBox(mask, width, box);
+      const std::vector<int> want = right == 0
+                                        ? std::vector<int>(4)
+                                        : std::vector<int>{left, top, right - left, bottom - top};
+      EXPECT_EQ(std::vector<int>(box, box + 4), want) << width << "x" << height << ", " << sparsity;
+    }
+  }
+}
+
 TEST(DeepestPixel, MatchesBruteForce) {
   std::mt19937 random(3);
   for (const auto& [width, height] : {std::pair(31, 23), {3, 50}, {50, 3}, {1, 1}}) {
