@@ -90,9 +90,8 @@ absl::Status WriteMaskAndOverlay(const Client& client, const SegmentFlags& flags
   RETURN_IF_ERROR(WriteMask(stem.string() + "_mask.png", view.rle()));
   Points points;
   if (view.view() == request.prompt().view().view()) points = request.prompt().points().points();
-  ASSIGN_OR_RETURN(const Picture overlay,
-                   DrawnOver(client, answer.model(), {view, points, request.frame()}));
-  return WritePng(stem.string() + "_overlay.png", overlay);
+  return WriteDrawnOver(stem.string() + "_overlay.png", client, answer.model(),
+                        {view, points, request.frame()});
 }
 
 // Says how far the training is that the answer comes from.
@@ -167,13 +166,11 @@ absl::Status WriteOverlays(const Client& client, const ProposeFlags& flags,
                            const v1::ProposeScalesRequest& request,
                            const v1::ProposeScalesResponse& answer) {
   for (int i = 0; i < answer.proposals_size(); ++i) {
-    ASSIGN_OR_RETURN(const Picture overlay,
-                     DrawnOver(client, answer.model(),
-                               {answer.proposals(i).mask(), request.prompt().points().points(),
-                                request.frame()}));
     const fs::path path =
         fs::path(flags.out) / absl::StrCat(Stem(flags.prompt.view), "_", i + 1, ".png");
-    RETURN_IF_ERROR(WritePng(path, overlay));
+    RETURN_IF_ERROR(WriteDrawnOver(
+        path, client, answer.model(),
+        {answer.proposals(i).mask(), request.prompt().points().points(), request.frame()}));
   }
   return absl::OkStatus();
 }

@@ -1,9 +1,44 @@
 #include "clients/cpp/mask.h"
 
+#include <cstring>
+
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 
 namespace pepeseg::client {
+namespace {
+
+// Marks a run, the pixels from `first` to before `last` counted down the columns, in a mask
+// [height, width]: its first pixel in each column, and the pixel after its last one. A pixel that
+// is marked twice is not marked.
+void MarkRun(int64_t first, int64_t last, int64_t width, int64_t height, Mask& mask) {
+  const auto mark = [&](int64_t pixel) {
+    mask[static_cast<size_t>(pixel % height * width + pixel / height)] ^= 1;
+  };
+  if (first == last) return;
+  mark(first);
+  for (int64_t x = first / height + 1; x * height < last; ++x) mask[static_cast<size_t>(x)] ^= 1;
+  if (last % height != 0) mark(last);
+}
+
+// Fills a mask from its marks, eight pixels at a time: a pixel is inside if the number of marks at
+// it and above it is odd.
+void FillFromMarks(int64_t width, int64_t height, Mask& mask) {
+  for (int64_t y = 1; y < height; ++y) {
+    uint8_t* const row = mask.data() + y * width;
+    const uint8_t* const above = row - width;
+    int64_t x = 0;
+    for (uint64_t word, word_above; x + 8 <= width; x += 8) {
+      std::memcpy(&word, row + x, sizeof(word));
+      std::memcpy(&word_above, above + x, sizeof(word_above));
+      word ^= word_above;
+      std::memcpy(row + x, &word, sizeof(word));
+    }
+    for (; x < width; ++x) row[x] ^= above[x];
+  }
+}
+
+}  // namespace
 
 // The format is that of rleFrString in cocoapi's common/maskApi.c: each run is a number of five
 // bits a character, and from the fourth run on the difference to the run before the last.
@@ -36,9 +71,7 @@ absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle) {
       return absl::DataLossError(absl::StrCat("mask: run ", runs.size(), " has ", run,
                                               " pixels, but ", num_pixels - filled, " are left"));
     }
-    for (int64_t k = filled; runs.size() % 2 == 1 && k < filled + run; ++k) {
-      mask[static_cast<size_t>((k % height) * rle.width() + k / height)] = 1;
-    }
+    if (runs.size() % 2 == 1) MarkRun(filled, filled + run, rle.width(), height, mask);
     filled += run;
     runs.push_back(run);
   }
@@ -46,6 +79,7 @@ absl::StatusOr<Mask> DecodeRle(const v1::CocoRle& rle) {
     return absl::DataLossError(
         absl::StrCat("mask: the runs have ", filled, " pixels, not ", num_pixels));
   }
+  FillFromMarks(rle.width(), height, mask);
   return mask;
 }
 

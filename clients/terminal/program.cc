@@ -1,5 +1,6 @@
 #include "clients/terminal/program.h"
 
+#include <malloc.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -32,6 +33,13 @@ void LeaveOnInterrupt(int /*signal*/) {
   constexpr std::string_view kLine = "\ninterrupted; a running job continues: see `pepeseg jobs`\n";
   [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kLine.data(), kLine.size());
   _exit(kInterrupted);
+}
+
+// Makes the allocator keep what is freed, since the program ends soon: pictures get their pages
+// from the kernel once, a tenth of the time of a click at a megapixel.
+void KeepFreedMemory() {
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  mallopt(M_TRIM_THRESHOLD, 256 << 20);
 }
 
 // Adds the options for the connection, which all verbs share.
@@ -119,6 +127,7 @@ int Run(const Program& program, int argc, char** argv) {
 
 int RunProgram(const Program& program, int argc, char** argv) {
   std::signal(SIGINT, LeaveOnInterrupt);
+  KeepFreedMemory();
   try {
     return Run(program, argc, argv);
   } catch (const std::exception& error) {  // thrown while the parser is set up, or out of memory

@@ -29,9 +29,14 @@ struct Overlay {
   Points points;                                   // pixels of `frame`
   v1::PixelFrame frame;
 };
-// Renders the view of the overlay's mask and draws the overlay over it.
+// Renders the view of the overlay's mask with the mask tinted and outlined, by the server, and
+// draws the points over it.
 absl::StatusOr<Picture> DrawnOver(const Client& client, const std::string& model,
                                   const Overlay& overlay);
+
+// Writes that picture. The server's file is kept as it is where there are no points to draw.
+absl::Status WriteDrawnOver(const std::filesystem::path& path, const Client& client,
+                            const std::string& model, const Overlay& overlay);
 
 // Writes a mask as an 8-bit grey PNG, 0 and 255. DATA_LOSS: the run lengths are malformed.
 absl::Status WriteMask(const std::filesystem::path& path, const v1::CocoRle& rle);

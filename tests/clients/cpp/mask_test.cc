@@ -63,6 +63,18 @@ TEST(DecodeRle, ReadsLongRunsAndDifferences) {
   }
 }
 
+TEST(DecodeRle, ReadsRunsThatEndWithAColumn) {
+  const auto columns = DecodeRle(Rle(2, 3, Encode({2, 2, 2})));
+  ASSERT_OK(columns);
+  EXPECT_EQ(*columns, (Mask{0, 1, 0, 0, 1, 0}));
+  const auto all = DecodeRle(Rle(2, 3, Encode({0, 6})));
+  ASSERT_OK(all);
+  EXPECT_EQ(*all, Mask(6, 1));
+  const auto empty = DecodeRle(Rle(2, 3, Encode({1, 0, 5})));
+  ASSERT_OK(empty);
+  EXPECT_EQ(*empty, Mask(6, 0));
+}
+
 TEST(EncodeRle, IsWhatDecodeRleReads) {
   EXPECT_EQ(EncodeRle(Mask{0, 1, 0, 1, 1, 0}, 3, 2).counts(), "132");
   std::mt19937 random(5);
