@@ -123,9 +123,10 @@ class Backend {
 
   // Copies to the host without waiting. Called by ReadbackQueue, which is what callers should use.
   //
-  // Returns host memory for CopyToHostLater, or nullptr when there is none.
+  // Returns host memory for CopyToHostLater, which ops may also read; nullptr when there is none,
+  // which becomes the error.
   virtual void* AllocatePinned(size_t num_bytes) = 0;
-  // Frees memory of AllocatePinned. Blocks until copies to it have arrived.
+  // Frees memory of AllocatePinned. Blocks until copies to it have arrived, and ops have read it.
   virtual void FreePinned(void* data) = 0;
   // Queues a copy, after the ops before it, and returns a ticket for WaitFor. At most kMaxReadbacks
   // copies of a backend may be under way.

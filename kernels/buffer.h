@@ -3,6 +3,7 @@
 #include <cassert>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <type_traits>
 #include <utility>
@@ -14,6 +15,9 @@ class Backend;
 // Raw memory of a backend, see the virtuals of Backend. Only Buffer calls these.
 void* AllocateBytes(Backend& backend, size_t num_bytes);  // zero-filled; nullptr when out of memory
 void FreeBytes(Backend& backend, void* data);
+// As AllocateBytes, of Backend::AllocatePinned.
+void* AllocatePinnedBytes(Backend& backend, size_t num_bytes);
+void FreePinnedBytes(Backend& backend, void* data);
 void CopyToBackend(Backend& backend, void* to, const void* from_host, size_t num_bytes);
 void CopyToHost(Backend& backend, void* to_host, const void* from, size_t num_bytes);
 void CopyInBackend(Backend& backend, void* to, const void* from, size_t num_bytes);
@@ -37,6 +41,14 @@ struct DeviceSpan {
   }
 };
 
+// The memory of a buffer.
+enum class MemoryPlace {
+  kDevice,
+  // Pinned memory of the host, which ops read in place, over the bus: for large inputs that a
+  // device lacks the room for. Upload writes it at once, so that no op may be reading it then.
+  kHost,
+};
+
 // Owns memory of a backend for `size()` trivially copyable elements. Movable. The backend must
 // outlive it. Not thread safe.
 //
@@ -49,7 +61,10 @@ class Buffer {
   // Empty, and of no backend until Reserve.
   Buffer() = default;
   // Zero-filled.
-  Buffer(Backend& backend, int64_t size) : backend_(&backend) { Resize(size); }
+  Buffer(Backend& backend, int64_t size, MemoryPlace place = MemoryPlace::kDevice)
+      : backend_(&backend), place_(place) {
+    Resize(size);
+  }
   // A copy of `host`.
   Buffer(Backend& backend, std::span<const T> host)
       : Buffer(backend, static_cast<int64_t>(host.size())) {
@@ -61,18 +76,20 @@ class Buffer {
     std::swap(data_, other.data_);
     std::swap(size_, other.size_);
     std::swap(capacity_, other.capacity_);
+    std::swap(place_, other.place_);
     return *this;
   }
-  ~Buffer() {
-    if (data_ != nullptr) FreeBytes(*backend_, data_);
-  }
+  ~Buffer() { Free(); }
 
   // Sets the size, in elements. If it fits the capacity, memory and contents are kept. Otherwise
   // the contents are lost, and the new memory is zero. The buffer must have a backend.
   void Resize(int64_t size) {
     if (size > capacity_) {
-      if (data_ != nullptr) FreeBytes(*backend_, data_);
-      data_ = static_cast<T*>(AllocateBytes(*backend_, static_cast<size_t>(size) * sizeof(T)));
+      Free();
+      const size_t num_bytes = static_cast<size_t>(size) * sizeof(T);
+      data_ = static_cast<T*>(place_ == MemoryPlace::kDevice
+                                  ? AllocateBytes(*backend_, num_bytes)
+                                  : AllocatePinnedBytes(*backend_, num_bytes));
       capacity_ = data_ == nullptr ? 0 : size;
     }
     size_ = data_ == nullptr ? 0 : size;
@@ -87,20 +104,34 @@ class Buffer {
   }
   // Sets all elements to 0.
   void Zero() {
-    if (size_ > 0) ZeroBytes(*backend_, data_, static_cast<size_t>(size_) * sizeof(T));
+    const size_t num_bytes = static_cast<size_t>(size_) * sizeof(T);
+    if (num_bytes == 0) return;
+    if (place_ == MemoryPlace::kHost) {
+      std::memset(data_, 0, num_bytes);
+    } else {
+      ZeroBytes(*backend_, data_, num_bytes);
+    }
   }
   // Copies `host` to the elements from `first` on. Copies nothing if the buffer got no memory.
   void Upload(std::span<const T> host, int64_t first = 0) {
     assert(data_ == nullptr || first + static_cast<int64_t>(host.size()) <= size_);
-    if (data_ != nullptr && !host.empty())
+    if (data_ == nullptr || host.empty()) return;
+    if (place_ == MemoryPlace::kHost) {
+      std::memcpy(data_ + first, host.data(), host.size_bytes());
+    } else {
       CopyToBackend(*backend_, data_ + first, host.data(), host.size_bytes());
+    }
   }
   // Copies the elements from `first` on to `host`. Blocks until the ops that write them have run.
   // Copies nothing if the buffer got no memory.
   void Download(std::span<T> host, int64_t first = 0) const {
     assert(data_ == nullptr || first + static_cast<int64_t>(host.size()) <= size_);
-    if (data_ != nullptr && !host.empty())
+    if (data_ == nullptr || host.empty()) return;
+    if (place_ == MemoryPlace::kHost) {
+      std::memcpy(host.data(), data_ + first, host.size_bytes());
+    } else {
       CopyToHost(*backend_, host.data(), data_ + first, host.size_bytes());
+    }
   }
 
   int64_t size() const { return size_; }
@@ -111,10 +142,21 @@ class Buffer {
   DeviceSpan<const T> span() const { return {data_, size_}; }
 
  private:
+  void Free() {
+    if (data_ == nullptr) return;
+    if (place_ == MemoryPlace::kHost) {
+      FreePinnedBytes(*backend_, data_);
+    } else {
+      FreeBytes(*backend_, data_);
+    }
+    data_ = nullptr;
+  }
+
   Backend* backend_ = nullptr;
   T* data_ = nullptr;
   int64_t size_ = 0;
   int64_t capacity_ = 0;
+  MemoryPlace place_ = MemoryPlace::kDevice;
 };
 
 // Returns the bytes of one element of each of the buffers together.

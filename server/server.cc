@@ -254,6 +254,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
       DatasetServiceRpc::Dependencies{tools.has_priors_command || tools.has_sam,
                                       {&photograph_pool, &photographs, checker.get()}});
   const TrainingDevice smallest = SmallestDevice(options, devices);
+  tools.device_memory = smallest.memory_bytes;
   jobs = std::make_unique<JobServiceRpc>(
       *runner, JobServiceRpc::Dependencies{
                    *store, *blobs, *supervisor, {smallest.backend, smallest.memory_bytes, tools}});

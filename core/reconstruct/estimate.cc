@@ -32,8 +32,8 @@ int64_t FirstGaussians(const TrainingSize& size, const ReconstructOptions& optio
   return std::min(points, options.max_gaussians);
 }
 
-// Returns the bytes of photographs, ignore masks and priors in backend memory, with the images of
-// the depth loss. Views are taken to be of one size: the mean.
+// Returns the bytes of photographs, ignore masks and priors in backend memory. Views are taken to
+// be of one size: the mean.
 int64_t ViewBytes(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t num_views = std::max<int64_t>(1, size.num_views);
   const int64_t num_pixels = size.num_pixels / num_views * size.num_training_views;
@@ -42,11 +42,27 @@ int64_t ViewBytes(const TrainingSize& size, const ReconstructOptions& options) {
   const int64_t bytes = num_pixels * (3 + ignore);
   const int64_t depth =
       size.num_pixels / num_views * size.num_depth_views * static_cast<int64_t>(sizeof(float));
-  // Rendered alpha and depth, and their gradients; ones in place of alpha, see DepthTerm.
-  const int64_t images = depth > 0 ? 5 * size.max_pixels * static_cast<int64_t>(sizeof(float)) : 0;
   // The coarse sizes take a quarter and a sixteenth of it.
   const int64_t views = bytes + depth;
-  return (options.coarse_until > 0 ? views + views / 2 : views) + images;
+  return options.coarse_until > 0 ? views + views / 2 : views;
+}
+
+// Returns the bytes of the images of the depth loss: rendered alpha and depth, and their gradients;
+// ones in place of alpha, see DepthTerm.
+int64_t DepthImageBytes(const TrainingSize& size) {
+  return size.num_depth_views > 0 ? 5 * size.max_pixels * static_cast<int64_t>(sizeof(float)) : 0;
+}
+
+bool Refines(const TrainingSize& size, const ReconstructOptions& options) {
+  return size.num_masked_views > 0 && options.refine_keep != RefineKeep::kNone;
+}
+
+// Returns the bytes of the masks for refinement in backend memory.
+int64_t MaskBytes(const TrainingSize& size, const ReconstructOptions& options) {
+  if (!Refines(size, options)) return 0;
+  const int64_t mean_pixels = size.num_pixels / std::max<int64_t>(1, size.num_views);
+  return std::min(size.num_masked_views, size.num_training_views) * mean_pixels *
+         static_cast<int64_t>(sizeof(uint32_t));
 }
 
 int64_t TrainingPixels(const TrainingSize& size) {
@@ -64,15 +80,12 @@ int64_t GaussiansInRefinement(const TrainingSize& size, const ReconstructOptions
   return first + static_cast<int64_t>(static_cast<double>(most - first) * passed);
 }
 
-// Returns the bytes of refinement: the masks, a render, and the working memory for each Gaussian
-// in view.
+// Returns the bytes of refinement without the masks: a render, and the working memory for each
+// Gaussian in view.
 int64_t RefinerBytes(const Backend& backend, const TrainingSize& size,
                      const ReconstructOptions& options) {
-  if (size.num_masked_views == 0 || options.refine_keep == RefineKeep::kNone) return 0;
+  if (!Refines(size, options)) return 0;
   const int64_t count = GaussiansInRefinement(size, options);
-  const int64_t mean_pixels = size.num_pixels / std::max<int64_t>(1, size.num_views);
-  const int64_t masks = std::min(size.num_masked_views, size.num_training_views) * mean_pixels *
-                        static_cast<int64_t>(sizeof(uint32_t));
   const int64_t images = 5 * size.max_pixels * static_cast<int64_t>(sizeof(float));
   const RefineScratch s;
   const bool split = options.refine_keep != RefineKeep::kShrink;
@@ -80,7 +93,7 @@ int64_t RefinerBytes(const Backend& backend, const TrainingSize& size,
   const int64_t added = sizeof(int32_t) + kShape * sizeof(float);  // a Gaussian's part outside
   const int64_t row = BytesOfRow(s.keys, s.keys, s.outside_position, s.outside_position) +
                       kShape * BytesOfRow(s.outside_shape) + (split ? added : 0);
-  return masks + WithReserve(images + row * count) +
+  return WithReserve(images + row * count) +
          backend.ScratchBytes(TypicalScratch(count, size.max_pixels));
 }
 
@@ -121,14 +134,47 @@ MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
              backend.ScratchBytes(TypicalScratch(most, pixels));
   }
   MemoryNeed need;
-  need.device_bytes = ViewBytes(size, options) +
+  need.movable_bytes = ViewBytes(size, options) + MaskBytes(size, options);
+  need.device_bytes = need.movable_bytes + DepthImageBytes(size) +
                       (twice ? 2 * state + kPlanRow * most * 5 / 4 : state) + slots +
                       RefinerBytes(backend, size, options);
   // The result, a checkpoint that is being written, and the points with their k-d tree.
   const int64_t planes = NumPlanes(options.sh_degree) * static_cast<int64_t>(sizeof(float));
   constexpr int64_t kNeighbours = 64;
   need.host_bytes = CaptureBytes(size) + most * (4 * planes + 12) + first * (planes + kNeighbours);
+  return options.photographs_on_host ? WithPhotographsOnHost(need) : need;
+}
+
+MemoryNeed WithPhotographsOnHost(MemoryNeed need) {
+  need.device_bytes -= need.movable_bytes;
+  need.host_bytes += need.movable_bytes;
+  need.movable_bytes = 0;
   return need;
+}
+
+TrainingSize SizeOf(const Capture& capture) {
+  TrainingSize size;
+  size.num_points = static_cast<int64_t>(capture.points.size());
+  for (const View& view : capture.views) {
+    const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
+    ++size.num_views;
+    size.num_training_views += view.held_out ? 0 : 1;
+    size.num_pixels += num_pixels;
+    size.max_pixels = std::max(size.max_pixels, num_pixels);
+    size.num_masked_views += view.masks.empty() ? 0 : 1;
+    size.num_ignore_views += view.ignore.empty() ? 0 : 1;
+    size.num_depth_views += view.depth.values.empty() ? 0 : 1;
+  }
+  return size;
+}
+
+MemoryPlace PhotographPlace(const Backend& backend, const TrainingSize& size,
+                            const ReconstructOptions& options) {
+  if (options.photographs_on_host) return MemoryPlace::kHost;
+  const DeviceMemory memory = backend.memory();
+  if (memory.is_host) return MemoryPlace::kDevice;
+  const MemoryNeed need = EstimateReconstruct(backend, size, options);
+  return need.device_bytes > memory.free_bytes ? MemoryPlace::kHost : MemoryPlace::kDevice;
 }
 
 }  // namespace pepeseg

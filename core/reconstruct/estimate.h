@@ -3,7 +3,9 @@
 #include <cstdint>
 
 #include "core/reconstruct/options.h"
+#include "core/scene/capture.h"
 #include "kernels/backend.h"
+#include "kernels/buffer.h"
 
 namespace pepeseg {
 
@@ -24,7 +26,15 @@ struct TrainingSize {
 struct MemoryNeed {
   int64_t device_bytes = 0;  // allocated by Backend::Allocate
   int64_t host_bytes = 0;    // allocated otherwise
+  // Part of device_bytes that the host may hold instead: photographs, priors and masks.
+  int64_t movable_bytes = 0;
 };
+
+// Returns the need where photographs are kept on the host.
+MemoryNeed WithPhotographsOnHost(MemoryNeed need);
+
+// Returns the size of a capture.
+TrainingSize SizeOf(const Capture& capture);
 
 // Returns the largest number of Gaussians that density control allows.
 int64_t MostGaussians(const TrainingSize& size, const ReconstructOptions& options);
@@ -36,5 +46,10 @@ int64_t CaptureBytes(const TrainingSize& size);
 // allow.
 MemoryNeed EstimateReconstruct(const Backend& backend, const TrainingSize& size,
                                const ReconstructOptions& options);
+
+// Returns where stage one keeps photographs and masks: on the device if this has room for all that
+// the stage needs, unless the options demand the host.
+MemoryPlace PhotographPlace(const Backend& backend, const TrainingSize& size,
+                            const ReconstructOptions& options);
 
 }  // namespace pepeseg

@@ -10,6 +10,7 @@ void VisitOptions(ReconstructOptions& o, OptionVisitor visit) {
   constexpr Range kMeanRate = {1e-12, 1};
   visit({"num_steps", &o.num_steps, Range{1, 10'000'000}});
   visit({"views_at_once", &o.views_at_once, Range{0, kMaxUpdateSteps}});
+  visit({"photographs_on_host", &o.photographs_on_host});
   visit({"sh_degree", &o.sh_degree, Range{0, kMaxShDegree}});
   visit({"ssim_weight", &o.ssim_weight, Range{0, 1}});
   visit({"mean_learning_rate", &o.mean_learning_rate, kMeanRate});

@@ -37,6 +37,9 @@ struct ReconstructOptions {
   // device can do at once, see StepsAtOnce; 1 on a CPU. With a depth loss it is 1. Measured:
   // tests/bench/results/views_at_once.md.
   int views_at_once = 0;
+  // Whether photographs, and masks for refinement, are kept in the memory of the host, which the
+  // device reads over the bus. False: only where the device lacks the room for them.
+  bool photographs_on_host = false;
   // Degree of the spherical harmonics of the colour. 0: the colour does not depend on the
   // direction. The degree in use starts at 0 and rises by one every num_steps / 30 steps.
   int sh_degree = 3;

@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/reconstruct/blurred_views.h"
 #include "core/reconstruct/depth_term.h"
+#include "core/reconstruct/estimate.h"
 #include "core/reconstruct/few_visits.h"
 #include "core/reconstruct/scene_needs.h"
 
@@ -39,9 +40,10 @@ PreparedScene::PreparedScene(Backend& backend, const Capture& capture,
       log_scales(BoundLogScales(capture, points)),
       schedule(options, radius, PixelSpan(capture, points)),
       free_space(capture, options.camera_clearance),
-      views(
-          backend, capture,
-          {options.coarse_until > 0, options.depth_weight > 0, options.disparity_as_inverse_depth}),
+      place(PhotographPlace(backend, SizeOf(capture), options)),
+      views(backend, capture,
+            {options.coarse_until > 0, options.depth_weight > 0, options.disparity_as_inverse_depth,
+             place}),
       blurred(options.blurred_share < 1 ? FindBlurred(capture) : std::vector<bool>()) {}
 
 }  // namespace pepeseg

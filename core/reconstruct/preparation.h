@@ -29,6 +29,7 @@ struct PreparedScene {
   const LogScaleBounds log_scales;
   const Schedule schedule;
   const FreeSpace free_space;
+  const MemoryPlace place;  // of photographs and masks
   const TrainingViews views;
   const std::vector<bool> blurred;  // by training view; empty where blurred ones count like others
 };

@@ -18,20 +18,20 @@ int CountTrainingViews(const Capture& capture) {
 
 }  // namespace
 
-ViewMasks::ViewMasks(Backend& backend, const Capture& capture) {
+ViewMasks::ViewMasks(Backend& backend, const Capture& capture, MemoryPlace place) {
   for (const View& view : capture.views) {
-    if (!view.held_out) views_.push_back(Upload(backend, view.masks));
+    if (!view.held_out) views_.push_back(Upload(backend, view.masks, place));
   }
 }
 
 // Clears allocated_ when the backend is out of memory.
-ViewMasks::Masks ViewMasks::Upload(Backend& backend, const MaskSet& masks) {
+ViewMasks::Masks ViewMasks::Upload(Backend& backend, const MaskSet& masks, MemoryPlace place) {
   Masks out;
   if (masks.empty()) return out;
   any_ = true;
   const auto upload = [&]<class T>(const std::vector<T>& host, Buffer<T>& buffer) {
     const auto size = static_cast<int64_t>(host.size());
-    buffer = Buffer<T>(backend, size);
+    buffer = Buffer<T>(backend, size, place);
     if (buffer.size() == size) {
       buffer.Upload(host);
     } else {
@@ -54,10 +54,10 @@ PatchMap ViewMasks::At(int view) const {
 // smaller is moved to the first step at full size; the length is limited to kMostVisits steps for
 // each training view.
 Refiner::Refiner(Backend& backend, const Capture& capture, const ReconstructOptions& options,
-                 const Schedule& schedule)
+                 const Schedule& schedule, MemoryPlace place)
     : backend_(backend), options_(options) {
   if (options.refine_keep == RefineKeep::kNone) return;
-  masks_.emplace(backend, capture);
+  masks_.emplace(backend, capture, place);
   if (!masks_->any()) masks_.reset();
   const auto step_of = [&](double share) {
     return static_cast<int>(std::lround(share * options.num_steps));

@@ -14,11 +14,12 @@
 
 namespace pepeseg {
 
-// The masks of a capture's training views in backend memory, for refinement (METHOD.md section 1,
-// "Refinement"): as mask cells at full size (see MaskSet). Views are numbered as in TrainingViews.
+// The masks of a capture's training views in memory that ops can read, for refinement (METHOD.md
+// section 1, "Refinement"): as mask cells at full size (see MaskSet). Views are numbered as in
+// TrainingViews.
 class ViewMasks {
  public:
-  ViewMasks(Backend& backend, const Capture& capture);
+  ViewMasks(Backend& backend, const Capture& capture, MemoryPlace place = MemoryPlace::kDevice);
 
   bool any() const { return any_; }              // true: at least one view has masks
   bool allocated() const { return allocated_; }  // false: the backend is out of memory
@@ -33,7 +34,7 @@ class ViewMasks {
     Buffer<int64_t> mask_area;
   };
 
-  Masks Upload(Backend& backend, const MaskSet& masks);
+  Masks Upload(Backend& backend, const MaskSet& masks, MemoryPlace place);
 
   bool any_ = false;
   bool allocated_ = true;
@@ -48,9 +49,9 @@ class ViewMasks {
 class Refiner {
  public:
   // The window begins at the first step from refine_from on that trains at full size. The masks
-  // stay in backend memory until it ends.
+  // stay in memory, at `place`, until it ends.
   Refiner(Backend& backend, const Capture& capture, const ReconstructOptions& options,
-          const Schedule& schedule);
+          const Schedule& schedule, MemoryPlace place = MemoryPlace::kDevice);
 
   // False: the backend is out of memory.
   bool allocated() const { return !masks_ || masks_->allocated(); }

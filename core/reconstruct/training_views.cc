@@ -114,22 +114,24 @@ double MeanDeviation(std::span<const float> prior, const PriorBounds& bounds) {
 
 // Returns an empty buffer when the backend is out of memory; TrainingViews::allocated() reports it.
 template <class T>
-Buffer<T> UploadOrNothing(Backend& backend, const std::vector<T>& values) {
-  Buffer<T> buffer(backend, static_cast<int64_t>(values.size()));
+Buffer<T> UploadOrNothing(Backend& backend, const std::vector<T>& values, MemoryPlace place) {
+  Buffer<T> buffer(backend, static_cast<int64_t>(values.size()), place);
   if (buffer.size() == static_cast<int64_t>(values.size())) buffer.Upload(values);
   return buffer;
 }
 
-TrainingView Upload(Backend& backend, const View& view, int factor, const ShrunkView& shrunk) {
+TrainingView Upload(Backend& backend, const View& view, int factor, const ShrunkView& shrunk,
+                    MemoryPlace place) {
   TrainingView out;
   out.pinhole = Shrink(ToPinholeView(view.camera, view.cam_from_world), factor);
-  out.photo = UploadOrNothing(backend, factor == 1 ? view.photo.pixels : shrunk.photo);
-  out.ignore = UploadOrNothing(backend, factor == 1 ? view.ignore : shrunk.ignore);
+  out.photo = UploadOrNothing(backend, factor == 1 ? view.photo.pixels : shrunk.photo, place);
+  out.ignore = UploadOrNothing(backend, factor == 1 ? view.ignore : shrunk.ignore, place);
   return out;
 }
 
 // Bounds and deviation are those of the full size at all sizes.
-void UploadPrior(Backend& backend, const View& view, int factor, TrainingView& out) {
+void UploadPrior(Backend& backend, const View& view, int factor, MemoryPlace place,
+                 TrainingView& out) {
   std::vector<float> prior = ShrinkPrior(view, factor);
   PriorBounds bounds = InlierBounds(view.depth.values);
   out.prior_deviation = MeanDeviation(view.depth.values, bounds);
@@ -137,7 +139,7 @@ void UploadPrior(Backend& backend, const View& view, int factor, TrainingView& o
     for (float& value : prior) value = -value;
     bounds = {-bounds.max, -bounds.min};
   }
-  out.prior = UploadOrNothing(backend, prior);
+  out.prior = UploadOrNothing(backend, prior, place);
   out.min_prior = bounds.min;
   out.max_prior = bounds.max;
 }
@@ -201,10 +203,10 @@ void TrainingViews::Add(Backend& backend, const View& view, const TrainingViewsO
   auto& sizes = views_.emplace_back();
   for (int size = 0; size < (options.coarse ? kNumSizes : 1); ++size) {
     // Index k has 1 / 2^k of the size, see Schedule::ShrinkAt.
-    sizes[size] = Upload(backend, view, 1 << size, shrunk[size]);
+    sizes[size] = Upload(backend, view, 1 << size, shrunk[size], options.place);
     sizes[size].inverse_depth = with_prior && options.disparity_as_inverse_depth &&
                                 view.depth.kind == DepthPrior::Kind::kDisparity;
-    if (with_prior) UploadPrior(backend, view, 1 << size, sizes[size]);
+    if (with_prior) UploadPrior(backend, view, 1 << size, options.place, sizes[size]);
     const PinholeView& pinhole = sizes[size].pinhole;
     const int64_t num_pixels = static_cast<int64_t>(pinhole.width) * pinhole.height;
     if (size == 0) num_pixels_ += num_pixels;

@@ -16,7 +16,7 @@ namespace pepeseg {
 // no training view, or an image whose size is not its camera's.
 absl::Status CheckTrainable(const Capture& capture);
 
-// A training photograph in backend memory, at one size.
+// A training photograph at one size, in memory that ops can read.
 struct TrainingView {
   PinholeView pinhole;
   Buffer<uint8_t> photo;               // [H, W, 3]
@@ -38,6 +38,7 @@ struct TrainingViewsOptions {
   // See ReconstructOptions::disparity_as_inverse_depth. False: `prior` holds negative disparities,
   // which grow with z as the fit demands.
   bool disparity_as_inverse_depth = true;
+  MemoryPlace place = MemoryPlace::kDevice;
 };
 
 // The capture's training views, uploaded once, photographs as bytes. Smaller sizes are averages

@@ -46,11 +46,14 @@ struct OpLoss {
   std::vector<float> grad;
 };
 
-OpLoss RunOp(Backend& backend, const LossImages& images, bool want_grad = true) {
+OpLoss RunOp(Backend& backend, const LossImages& images, bool want_grad = true,
+             MemoryPlace place = MemoryPlace::kDevice) {
   const std::vector<float> color(images.color.begin(), images.color.end());
   Buffer<float> color_buffer(backend, std::span<const float>(color));
-  Buffer<uint8_t> target(backend, std::span<const uint8_t>(images.target));
-  Buffer<uint8_t> ignore(backend, std::span<const uint8_t>(images.ignore));
+  Buffer<uint8_t> target(backend, static_cast<int64_t>(images.target.size()), place);
+  Buffer<uint8_t> ignore(backend, static_cast<int64_t>(images.ignore.size()), place);
+  target.Upload(images.target);
+  ignore.Upload(images.ignore);
   Buffer<float> grad(backend, want_grad ? static_cast<int64_t>(color.size()) : 0);
   Buffer<double> sums(backend, kNumImageLossSums);
   ImageLossArgs args;
@@ -75,6 +78,15 @@ constexpr LossCase kCases[] = {{70, 61, false}, {70, 61, true}, {16, 48, false},
 
 class ImageLossTest : public BackendTest {};
 INSTANTIATE_TEST_SUITE_P(Backends, ImageLossTest, AllBackends(), BackendName);
+
+TEST_P(ImageLossTest, ReadsPhotographsOnTheHost) {
+  const LossImages images = RandomImages({70, 61, true}, 3);
+  const OpLoss on_device = RunOp(*backend_, images);
+  const OpLoss on_host = RunOp(*backend_, images, true, MemoryPlace::kHost);
+  EXPECT_EQ(on_host.sums, on_device.sums);
+  EXPECT_EQ(on_host.grad, on_device.grad);
+  EXPECT_EQ(backend_->error(), "");
+}
 
 TEST_P(ImageLossTest, MatchesDoubleReference) {
   for (const LossCase& c : kCases) {

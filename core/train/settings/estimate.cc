@@ -29,12 +29,9 @@ void ExpectPriors(const PriorOptions& priors, bool has_command, TrainingSize& si
 class MemoryEstimator {
  public:
   MemoryEstimator(const Backend& backend, const DatasetSize& dataset,
-                  const TrainingSettings& settings, const MemoryNeed& sam, int num_threads)
-      : backend_(backend),
-        dataset_(dataset),
-        settings_(settings),
-        sam_(sam),
-        num_threads_(num_threads) {}
+                  const TrainingSettings& settings, const MemoryNeed& sam,
+                  const EstimateTools& tools)
+      : backend_(backend), dataset_(dataset), settings_(settings), sam_(sam), tools_(tools) {}
 
   // Stages that run one after the other do not add up, but SAM runs next to "sfm" and
   // "reconstruct".
@@ -43,8 +40,9 @@ class MemoryEstimator {
     const int64_t capture_bytes = CaptureBytes(size);
     switch (need.stage) {
       case Stage::kPrepare:
-        need.host_bytes = capture_bytes + kDecodingBytes * dataset_.max_source_pixels *
-                                              NumReaders(dataset_.max_source_pixels, num_threads_);
+        need.host_bytes =
+            capture_bytes + kDecodingBytes * dataset_.max_source_pixels *
+                                NumReaders(dataset_.max_source_pixels, tools_.num_threads);
         return;
       case Stage::kSfm:
         need.host_bytes =
@@ -53,7 +51,11 @@ class MemoryEstimator {
         need.device_bytes = sam_.device_bytes;
         return;
       case Stage::kReconstruct: {
-        const MemoryNeed memory = EstimateReconstruct(backend_, size, settings_.reconstruct);
+        MemoryNeed memory = EstimateReconstruct(backend_, size, settings_.reconstruct);
+        const int64_t have = tools_.device_memory;
+        if (have > 0 && memory.device_bytes + sam_.device_bytes > have) {
+          memory = WithPhotographsOnHost(memory);
+        }
         need.host_bytes = memory.host_bytes + sam_.host_bytes;
         need.device_bytes = memory.device_bytes + sam_.device_bytes;
         return;
@@ -87,7 +89,7 @@ class MemoryEstimator {
   const DatasetSize& dataset_;
   const TrainingSettings& settings_;
   MemoryNeed sam_;
-  int num_threads_;
+  const EstimateTools& tools_;
 };
 
 }  // namespace
@@ -130,7 +132,7 @@ std::vector<StageNeed> EstimateStages(const Backend& backend, DatasetSize datase
     const bool on_device = !backend.memory().is_host;
     sam.device_bytes = on_device ? SamDeviceBytes(dataset.training.max_pixels) : 0;
   }
-  const MemoryEstimator memory(backend, dataset, settings, sam, tools.num_threads);
+  const MemoryEstimator memory(backend, dataset, settings, sam, tools);
   std::vector<StageNeed> needs;
   needs.reserve(plan.size());
   for (const PlannedStage& stage : plan) {

@@ -45,6 +45,8 @@ struct EstimateTools {
   bool has_sam = false;
   bool has_lpips = false;
   int num_threads = 1;
+  // Bytes that a training may take of the device's memory. 0: not known.
+  int64_t device_memory = 0;
 };
 
 // Memory and time that a stage needs.

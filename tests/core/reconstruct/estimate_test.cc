@@ -12,21 +12,6 @@ namespace {
 
 constexpr double kLoosest = 1.6;
 
-TrainingSize SizeOf(const Capture& capture) {
-  TrainingSize size;
-  for (const View& view : capture.views) {
-    const int64_t num_pixels = int64_t{view.camera.width} * view.camera.height;
-    ++size.num_views;
-    size.num_training_views += view.held_out ? 0 : 1;
-    size.num_pixels += num_pixels;
-    size.max_pixels = std::max(size.max_pixels, num_pixels);
-    size.num_masked_views += view.masks.empty() ? 0 : 1;
-    size.num_ignore_views += view.ignore.empty() ? 0 : 1;
-  }
-  size.num_points = static_cast<int64_t>(capture.points.size());
-  return size;
-}
-
 struct Case {
   const char* name;
   int width, height;
@@ -113,6 +98,24 @@ TEST(Estimate, GrowsWithWhatItDependsOn) {
     larger.*field += larger.*field / 2 + 1;
     EXPECT_TRUE(grows(larger, options));
   }
+}
+
+TEST(Estimate, MovesPhotographsToTheHost) {
+  const auto backend = MakeCpuBackend(1);
+  const TrainingSize size = {10, 8, 10 * 300'000, 300'000, 5000, 6, 0, 0};
+  ReconstructOptions options;
+  options.refine_keep = RefineKeep::kShrink;
+  const MemoryNeed need = EstimateReconstruct(*backend, size, options);
+  // RGB of 8 bits of the training views, and masks of 32 bits of six of them.
+  const int64_t movable = (8 * 3 + 6 * 4) * int64_t{300'000};
+  EXPECT_EQ(need.movable_bytes, movable);
+  options.photographs_on_host = true;
+  const MemoryNeed moved = EstimateReconstruct(*backend, size, options);
+  EXPECT_EQ(moved.device_bytes, need.device_bytes - movable);
+  EXPECT_EQ(moved.host_bytes, need.host_bytes + movable);
+  EXPECT_EQ(PhotographPlace(*backend, size, options), MemoryPlace::kHost);
+  options.photographs_on_host = false;
+  EXPECT_EQ(PhotographPlace(*backend, size, options), MemoryPlace::kDevice);
 }
 
 // Photographs seen smaller have fewer Gaussians, as WithPixelBudget has it.

@@ -101,6 +101,19 @@ TEST(GaussianTrainer, GivesTheSameBytesForAnyThreadCountAndRun) {
   EXPECT_NE(other.planes, results[0].planes);
 }
 
+TEST(GaussianTrainer, GivesTheSameBytesWithPhotographsOnTheHost) {
+  ReconstructOptions options = ShortRun(60);
+  options.coarse_until = 0.3;
+  options.refine_length = 0.1;
+  const auto backend = MakeCpuBackend(2);
+  ASSERT_OK_AND_ASSIGN(const Gaussians on_device,
+                       testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore));
+  options.photographs_on_host = true;
+  ASSERT_OK_AND_ASSIGN(const Gaussians on_host,
+                       testing::TrainGaussians(*backend, SyntheticCapture(), options, Ignore));
+  EXPECT_EQ(on_host.planes, on_device.planes);
+}
+
 TEST(GaussianTrainer, LearnsTheSyntheticScene) {
   const auto backend = MakeCpuBackend(2);
   StepReport last;

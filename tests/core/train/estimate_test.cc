@@ -109,6 +109,24 @@ TEST_F(EstimateStagesTest, CountsSamInTheStagesThatItRunsNextToAndInItsOwn) {
   EXPECT_FALSE(Need(Stage::kPriors).seconds.has_value());  // the speed of the command is unknown
 }
 
+// A device that lacks the room for photographs leaves them on the host.
+TEST_F(EstimateStagesTest, MovesPhotographsToTheHostWhereTheDeviceLacksRoom) {
+  const StageNeed need = Need(Stage::kReconstruct);
+  tools_.device_memory = need.device_bytes;
+  EXPECT_EQ(Need(Stage::kReconstruct).device_bytes, need.device_bytes);
+  tools_.device_memory = need.device_bytes - 1;
+  const StageNeed moved = Need(Stage::kReconstruct);
+  const int64_t photographs = dataset_.training.num_training_views * 3 * int64_t{1'000'000};
+  EXPECT_LE(moved.device_bytes, need.device_bytes - photographs);
+  EXPECT_EQ(moved.device_bytes + moved.host_bytes, need.device_bytes + need.host_bytes);
+}
+
+TEST_F(EstimateStagesTest, DecodesOnAsManyThreadsAsThereAre) {
+  const int64_t one = Need(Stage::kPrepare).host_bytes;
+  tools_.num_threads = 4;
+  EXPECT_EQ(Need(Stage::kPrepare).host_bytes - one, 3 * 16 * dataset_.max_source_pixels);
+}
+
 TEST_F(EstimateStagesTest, NeedsMoreMemoryForMoreGaussians) {
   settings_.reconstruct.max_gaussians = 100'000;
   const StageNeed few = Need(Stage::kReconstruct);
