@@ -204,8 +204,8 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "refine_from", "refine_candidates", "coarse_until",
          // Without effect in the preset.
          "opacity_decay", "closing_share", "dropout_until", "full_size_visits",
-         // Options of the run or the capture.
-         "num_random_points", "seed", "capture_kind"});
+         // Options of the run, the device or the capture.
+         "num_random_points", "seed", "photographs_on_host", "capture_kind"});
   check("features.", {"num_steps", "num_pixels", "num_scales", "centroid_from", "centroid_every",
                       "centroid_pixels", "centroid_cosine_upper", "centroid_merge_upper",
                       "perception_weight", "perception_unlabelled_only", "min_mask_agreement",
