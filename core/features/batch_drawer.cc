@@ -12,6 +12,7 @@
 #include "core/features/mask_scales.h"
 #include "core/features/random_draws.h"
 #include "kernels/ops/smooth.h"
+#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {
@@ -58,6 +59,23 @@ size_t NumMasksAt(int step, const FeatureOptions& options, size_t num_masks) {
   return static_cast<size_t>(std::ceil(share * static_cast<double>(num_masks)));
 }
 
+DrawableView MakeDrawableView(const Capture& capture, int number, const MaskSet& masks,
+                              const std::vector<float>& mask_scales) {
+  const View& view = capture.views[number];
+  DrawableView drawable = {number, &masks, mask_scales, mask_scales, {}, {}, {}, {}, {}};
+  std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });
+  std::sort(drawable.sorted_scales.begin(), drawable.sorted_scales.end());
+  drawable.cell_weight = PatchWeights(masks, mask_scales);
+  // In reading order: PixelsByMask needs ascending pixels, and draws index this list.
+  for (size_t pixel = 0; pixel < masks.pixel_cell.size(); ++pixel) {
+    if (drawable.cell_weight[masks.pixel_cell[pixel]] <= 0) continue;
+    if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
+    drawable.pixels.push_back(static_cast<int32_t>(pixel));
+  }
+  drawable.pixels_by_mask = PixelsByMask(masks, mask_scales, drawable.pixels);
+  return drawable;
+}
+
 }  // namespace
 
 std::vector<const MaskSet*> OwnMasks(const Capture& capture) {
@@ -69,40 +87,56 @@ std::vector<const MaskSet*> OwnMasks(const Capture& capture) {
 std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
                                             std::span<const MaskSet* const> masks,
                                             std::span<const std::vector<float>> mask_scales) {
-  std::vector<DrawableView> views;
-  for (size_t i = 0; i < capture.views.size(); ++i) {
-    const View& view = capture.views[i];
-    if (!IsTrained(view)) continue;
-    DrawableView drawable = {
-        static_cast<int>(i), masks[i], mask_scales[i], mask_scales[i], {}, {}, {}, {}, {}};
-    std::erase_if(drawable.sorted_scales, [](float scale) { return scale <= kNoScale; });
-    std::sort(drawable.sorted_scales.begin(), drawable.sorted_scales.end());
-    drawable.cell_weight = PatchWeights(*masks[i], mask_scales[i]);
-    // In reading order: PixelsByMask needs ascending pixels, and draws index this list.
-    for (size_t pixel = 0; pixel < masks[i]->pixel_cell.size(); ++pixel) {
-      if (drawable.cell_weight[masks[i]->pixel_cell[pixel]] <= 0) continue;
-      if (!view.ignore.empty() && view.ignore[pixel] != 0) continue;
-      drawable.pixels.push_back(static_cast<int32_t>(pixel));
+  std::vector<DrawableView> views(capture.views.size());
+  ThreadPool pool(0);
+  pool.ParallelFor(static_cast<int64_t>(views.size()), [&](int64_t i, int) {
+    if (IsTrained(capture.views[i])) {
+      views[i] = MakeDrawableView(capture, static_cast<int>(i), *masks[i], mask_scales[i]);
     }
-    if (drawable.pixels.empty()) continue;
-    drawable.pixels_by_mask = PixelsByMask(*masks[i], mask_scales[i], drawable.pixels);
-    views.push_back(std::move(drawable));
-  }
+  });
+  std::erase_if(views, [](const DrawableView& view) { return view.pixels.empty(); });
   return views;
 }
 
 BatchDrawer::BatchDrawer(const FeatureField& field, const std::vector<DrawableView>& views,
                          const FeatureOptions& options)
-    : field_(field), views_(views), options_(options), random_(options.seed) {}
+    : field_(field),
+      views_(views),
+      options_(options),
+      random_(options.seed),
+      subset_steps_(std::max<size_t>(1, views.size())) {
+  const auto most = static_cast<size_t>(options.views_per_chunk);
+  if (most == 0 || views.size() <= most) return;
+  num_subsets_ = static_cast<int>((views.size() + most - 1) / most);
+  const size_t size = (views.size() + num_subsets_ - 1) / num_subsets_;
+  subset_steps_ = size * std::max<size_t>(1, options.steps_per_chunk / size);
+}
+
+// All subsets have the same number of steps, which says where in views_left_ one ends. Where the
+// views do not divide evenly, the last places of some subsets take up the first views again.
+void BatchDrawer::BeginRound() {
+  std::vector<int> subsets(num_subsets_);
+  std::iota(subsets.begin(), subsets.end(), 0);
+  // A single subset needs no order, and draws no number for it.
+  for (size_t left = subsets.size(); left > 1; --left) {
+    std::swap(subsets[DrawIndex(left, random_)], subsets[left - 1]);
+  }
+  const size_t size = (views_.size() + num_subsets_ - 1) / num_subsets_;
+  for (const int subset : subsets) {
+    for (size_t step = 0; step < subset_steps_; ++step) {
+      const size_t view = subset + (step % size) * num_subsets_;
+      views_left_.push_back(static_cast<int>(view % views_.size()));
+    }
+  }
+}
 
 BatchDrawer::Draft BatchDrawer::Next() {
-  if (views_left_.empty()) {
-    views_left_.resize(views_.size());
-    std::iota(views_left_.begin(), views_left_.end(), 0);
-  }
+  if (views_left_.empty()) BeginRound();
   // One draw of a Fisher-Yates shuffle a step instead of a whole shuffle a round: views_left_ and
   // the engine are all that a checkpoint must hold.
-  std::swap(views_left_[DrawIndex(views_left_.size(), random_)], views_left_.back());
+  const size_t left = NumLeftOfSubset();
+  const size_t drawn = views_left_.size() - left + DrawIndex(left, random_);
+  std::swap(views_left_[drawn], views_left_.back());
   const int next = views_left_.back();
   views_left_.pop_back();
   return {next, random_(), step_++};
@@ -110,7 +144,10 @@ BatchDrawer::Draft BatchDrawer::Next() {
 
 int BatchDrawer::NumAlike() const {
   const int smoothed = NumSmoothedSteps(options_);
-  return step_ < smoothed ? smoothed - step_ : std::numeric_limits<int>::max();
+  const int alike = step_ < smoothed ? smoothed - step_ : std::numeric_limits<int>::max();
+  if (num_subsets_ == 1) return alike;
+  const size_t of_subset = views_left_.empty() ? subset_steps_ : NumLeftOfSubset();
+  return std::min(alike, static_cast<int>(of_subset));
 }
 
 PixelBatch BatchDrawer::Draw(const Draft& draft) const {

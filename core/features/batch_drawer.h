@@ -63,8 +63,10 @@ std::vector<DrawableView> MakeDrawableViews(const Capture& capture,
 std::vector<const MaskSet*> OwnMasks(const Capture& capture);
 
 // Draws the batches of stage two (METHOD.md section 3, "Samples"), all from one seed. A round takes
-// each view once, in random order. Drafts are drawn one after the other. Each has its own seed, and
-// a batch depends on its draft alone, so that batches can be drawn in parallel.
+// each view once, in random order. Of more than views_per_chunk views it takes one subset after the
+// other: views at even distances in the capture, each as often as fits into a chunk, in random
+// order. Drafts are drawn one after the other. Each has its own seed, and a batch depends on its
+// draft alone, so that batches can be drawn in parallel.
 class BatchDrawer {
  public:
   // The field and the views must outlive it. Of the field it reads scale_quantiles.
@@ -79,7 +81,7 @@ class BatchDrawer {
   // Returns the draft of the next step. Not thread safe.
   Draft Next();
   // Returns how many of the next drafts, at least one, give batches with the same number of drawn
-  // neighbours. Not thread safe.
+  // neighbours, of one subset of the views. Not thread safe.
   int NumAlike() const;
   // Returns the batch of a draft, without pairs. Thread safe.
   PixelBatch Draw(const Draft& draft) const;
@@ -92,6 +94,9 @@ class BatchDrawer {
  private:
   using Random = std::mt19937_64;
 
+  void BeginRound();
+  // Returns the number of views left of the subset that steps are drawn from.
+  size_t NumLeftOfSubset() const { return (views_left_.size() - 1) % subset_steps_ + 1; }
   // Returns num_scales scales, scene units.
   std::vector<float> DrawScales(const DrawableView& view, int step, Random& random) const;
   // Draws the pixels under masks. Returns the view's mask cells that they lie in; their order is
@@ -108,7 +113,9 @@ class BatchDrawer {
   FeatureOptions options_;
   Random random_;
   int step_ = 0;                 // of the next draft
-  std::vector<int> views_left_;  // of this round; indices into views_
+  std::vector<int> views_left_;  // of this round; indices into views_, the next subset last
+  int num_subsets_ = 1;
+  size_t subset_steps_ = 1;  // steps of a subset
 };
 
 }  // namespace pepeseg

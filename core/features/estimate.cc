@@ -63,7 +63,9 @@ int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const Featur
   const int64_t gaussian = (NumPlanes(sh_degree) + 2 * kFeatureSize) * kFloat;
   // Pixel, weight and mask cell of a sample, and its share of the labels.
   constexpr int64_t kSample = 64;
-  return scratch.num_gaussians * gaussian + SamplesInChunk(options) * kSample;
+  // Rows of uncovered pixels, see FindUncovered.
+  constexpr int64_t kRows = int64_t{128} << 20;
+  return scratch.num_gaussians * gaussian + SamplesInChunk(options) * kSample + kRows;
 }
 
 }  // namespace pepeseg

@@ -55,6 +55,31 @@ class Coverage {
   std::vector<float> covered_, seen_;  // [num_gaussians] sums of blend weights
 };
 
+// Rows of uncovered pixels that are kept between the passes over the views; others are rendered
+// twice.
+constexpr size_t kMaxKeptEntries = 16'000'000;
+
+// Returns the rows of these numbers.
+PixelRows RowsOf(const PixelRows& rows, std::span<const size_t> numbers) {
+  PixelRows chosen;
+  chosen.first.push_back(0);
+  for (const size_t row : numbers) {
+    const auto begin = rows.first[row], end = rows.first[row + 1];
+    chosen.gaussian.insert(chosen.gaussian.end(), rows.gaussian.begin() + begin,
+                           rows.gaussian.begin() + end);
+    chosen.weight.insert(chosen.weight.end(), rows.weight.begin() + begin,
+                         rows.weight.begin() + end);
+    chosen.first.push_back(static_cast<int32_t>(chosen.gaussian.size()));
+  }
+  return chosen;
+}
+
+// The grid pixels of a view that lie under no mask.
+struct UncoveredGrid {
+  std::vector<int32_t> pixels;
+  std::optional<PixelRows> rows;  // if there was room
+};
+
 constexpr size_t kMaxViews = 64;      // views that are looked at
 constexpr double kMaxCells = 32'768;  // pixels that are looked at in a view, on a grid
 // Sum of a Gaussian's blending weights over these pixels above which the view shows it.
@@ -78,26 +103,37 @@ std::vector<const View*> SomeTrained(const Capture& capture) {
 
 std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
                                            std::span<const MaskSet* const> masks, Renderer& scene) {
-  // All views are needed before the first pixel can be judged, so each is rendered twice.
+  // All views are needed before the first pixel can be judged.
   Coverage coverage(scene.num_gaussians());
-  std::vector<std::vector<int32_t>> uncovered(capture.views.size());
+  std::vector<UncoveredGrid> uncovered(capture.views.size());
+  size_t num_kept = 0;
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const View& view = capture.views[v];
     if (!IsTrained(view)) continue;
     const std::vector<int32_t> pixels = KnownGridPixels(view, kMaxCellsOfView);
-    coverage.Add(*masks[v], pixels, ToHost(scene.Rows(view, pixels)));
-    std::copy_if(pixels.begin(), pixels.end(), std::back_inserter(uncovered[v]),
-                 [&](int32_t pixel) { return !IsCovered(*masks[v], pixel); });
+    const PixelRows rows = ToHost(scene.Rows(view, pixels));
+    coverage.Add(*masks[v], pixels, rows);
+    std::vector<size_t> numbers;
+    for (size_t i = 0; i < rows.num_rows(); ++i) {
+      if (IsCovered(*masks[v], pixels[i])) continue;
+      uncovered[v].pixels.push_back(pixels[i]);
+      numbers.push_back(i);
+    }
+    if (num_kept >= kMaxKeptEntries) continue;
+    uncovered[v].rows = RowsOf(rows, numbers);
+    num_kept += uncovered[v].rows->gaussian.size();
   }
   std::vector<UncoveredPixels> found(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {
-    if (uncovered[v].empty()) continue;
-    const PixelRows rows = ToHost(scene.Rows(capture.views[v], uncovered[v]));
+    const UncoveredGrid& grid = uncovered[v];
+    if (grid.pixels.empty()) continue;
+    const PixelRows rows =
+        grid.rows ? *grid.rows : ToHost(scene.Rows(capture.views[v], grid.pixels));
     for (size_t i = 0; i < rows.num_rows(); ++i) {
       const std::optional<double> covered = coverage.OfRow(rows, i);
       if (!covered) continue;
       (*covered < kMaxCoverage ? found[v].background : found[v].covered_elsewhere)
-          .push_back(uncovered[v][i]);
+          .push_back(grid.pixels[i]);
     }
   }
   return found;

@@ -61,6 +61,7 @@ void VisitOptions(FeatureOptions& o, OptionVisitor visit) {
   visit({"complete_masks", &o.complete_masks});
   visit({"share_scales", &o.share_scales});
   visit({"steps_per_chunk", &o.steps_per_chunk, Range{1, 100'000}});
+  visit({"views_per_chunk", &o.views_per_chunk, Range{0, 100'000}});
   visit({"min_loss_fall", &o.min_loss_fall, Range{0, 1}});
   visit({"closing_share", &o.closing_share, Range{0, 1}});
   visit({"min_confident_views", &o.min_confident_views, Range{0, 64}});

@@ -140,6 +140,9 @@ struct FeatureOptions {
   // Number of steps whose samples are drawn together, so that each view is rasterised once for
   // them. Their blend rows are kept, 1 to 3 MB per step.
   int steps_per_chunk = 750;
+  // Most training views that the steps of a chunk are drawn from: as many, spread evenly over the
+  // capture, are rasterised for it. 0: all views.
+  int views_per_chunk = 64;
   // Smallest relative fall of the loss over a window of at least 500 steps. With less, the rest of
   // the schedule is compressed into closing_share of the steps. 0: all steps are done.
   double min_loss_fall = 0.01;

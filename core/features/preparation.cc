@@ -87,23 +87,28 @@ std::vector<int> TrainedViews(const Capture& capture) {
 
 // Returns the scales of all masks, by view of the capture, empty for views that are not trained on.
 // Gives the depths to the reprojection. Works on a block of views at a time, to bound the memory:
-// renders their depths one after the other, then measures their masks in parallel.
+// measures their masks in parallel while the device renders the depths of the next block.
 std::vector<std::vector<float>> MeasureViews(const Capture& capture, Renderer& scene,
                                              Reprojection& reprojection) {
   constexpr size_t kBlock = 16;  // views
   const std::span<const int> trained = reprojection.views();
   std::vector<std::vector<float>> mask_scales(capture.views.size());
   ThreadPool pool(0);
+  std::future<void> measured;
   for (size_t first = 0; first < trained.size(); first += kBlock) {
     const std::span<const int> block =
         trained.subspan(first, std::min(kBlock, trained.size() - first));
     std::vector<std::vector<float>> depths;
     for (const int view : block) depths.push_back(scene.Depth(capture.views[view]));
-    pool.ParallelFor(static_cast<int64_t>(block.size()), [&](int64_t i, int) {
-      mask_scales[block[i]] = MaskScales(capture.views[block[i]], depths[i]);
-      reprojection.KeepDepth(block[i], depths[i]);
+    if (measured.valid()) measured.get();
+    measured = std::async(std::launch::async, [&, block, depths = std::move(depths)] {
+      pool.ParallelFor(static_cast<int64_t>(block.size()), [&](int64_t i, int) {
+        mask_scales[block[i]] = MaskScales(capture.views[block[i]], depths[i]);
+        reprojection.KeepDepth(block[i], depths[i]);
+      });
     });
   }
+  if (measured.valid()) measured.get();
   return mask_scales;
 }
 

@@ -1,6 +1,7 @@
 #include "core/priors/priors.h"
 
 #include <algorithm>
+#include <chrono>
 #include <opencv2/core.hpp>
 #include <string_view>
 #include <utility>
@@ -11,30 +12,14 @@
 #include "core/priors/embedded_depth.h"
 #include "core/priors/embedded_masks.h"
 #include "core/scene/capture.h"
-#include "kernels/thread_pool.h"
 
 namespace pepeseg {
 namespace {
 
-// Restricts OpenCV to one thread for its lifetime: views are processed in parallel, so that threads
-// of OpenCV would only compete with ours.
-class OneOpenCvThread {
- public:
-  OneOpenCvThread() { cv::setNumThreads(1); }
-  ~OneOpenCvThread() { cv::setNumThreads(before_); }
-  OneOpenCvThread(const OneOpenCvThread&) = delete;
-  OneOpenCvThread& operator=(const OneOpenCvThread&) = delete;
-
- private:
-  const int before_ = cv::getNumThreads();
-};
-
-void EmbedIn(const EmbeddedPriors& what, std::span<const ScenePoint> points, View& view) {
-  if (what.depth && view.depth.values.empty()) {
-    view.depth = {DepthPrior::Kind::kDepth, {}, /*from_points=*/true};
-    view.depth.values = NormalizeDepth(EmbeddedDepth(view, points));
-  }
-  if (what.masks && view.masks.empty()) view.masks = EmbeddedMasks(view).masks;
+int NumThreads(int num_threads, size_t num_views) {
+  const size_t wanted =
+      num_threads > 0 ? static_cast<size_t>(num_threads) : std::thread::hardware_concurrency();
+  return static_cast<int>(std::clamp<size_t>(wanted, 1, std::max<size_t>(1, num_views)));
 }
 
 }  // namespace
@@ -63,25 +48,84 @@ void VisitOptions(PriorOptions& o, OptionVisitor visit) {
 
 absl::Status Validate(const PriorOptions& options) { return CheckOptions(options); }
 
-// Works on as many views at a time as the pool has threads, so that progress is reported, and can
-// end the call, between two groups.
-absl::Status EmbedPriors(const EmbeddedPriors& what, int num_threads, Capture& capture,
-                         absl::FunctionRef<absl::Status(int done, int num_views)> progress) {
-  std::vector<View*> views;
-  for (View& view : capture.views) {
-    if (!view.held_out) views.push_back(&view);
+EmbeddingTask::EmbeddingTask(const EmbeddedPriors& what, int num_threads, const Capture& capture)
+    : what_(what), capture_(capture) {
+  // Views are processed in parallel, so that threads of OpenCV would only compete with these.
+  cv::setNumThreads(1);
+  for (size_t i = 0; i < capture.views.size(); ++i) {
+    if (!capture.views[i].held_out) views_.push_back(i);
   }
-  const OneOpenCvThread one_thread;
-  ThreadPool pool(num_threads);
-  const size_t at_once = pool.num_threads();
-  for (size_t first = 0; first < views.size(); first += at_once) {
-    const size_t count = std::min(at_once, views.size() - first);
-    pool.ParallelFor(static_cast<int64_t>(count), [&](int64_t i, int) {
-      EmbedIn(what, capture.points, *views[first + static_cast<size_t>(i)]);
-    });
-    RETURN_IF_ERROR(progress(static_cast<int>(first + count), static_cast<int>(views.size())));
+  made_.resize(views_.size());
+  for (int i = 0; i < NumThreads(num_threads, views_.size()); ++i) {
+    threads_.emplace_back([this] { Work(); });
+  }
+}
+
+EmbeddingTask::~EmbeddingTask() { stop_.request_stop(); }
+
+void EmbeddingTask::Work() {
+  while (!stop_.stop_requested()) {
+    size_t at = 0;
+    {
+      const std::lock_guard lock(mutex_);
+      if (next_ == views_.size()) return;
+      at = next_++;
+    }
+    made_[at] = MadeFor(capture_.views[views_[at]]);
+    {
+      const std::lock_guard lock(mutex_);
+      ++num_done_;
+    }
+    changed_.notify_all();
+  }
+}
+
+// The masks are found with the depth in place, so that a view is copied.
+EmbeddingTask::Made EmbeddingTask::MadeFor(const View& view) const {
+  Made made;
+  if (what_.depth && view.depth.values.empty()) {
+    made.depth = {DepthPrior::Kind::kDepth, {}, /*from_points=*/true};
+    made.depth.values = NormalizeDepth(EmbeddedDepth(view, capture_.points));
+  }
+  if (!what_.masks || !view.masks.empty()) return made;
+  if (made.depth.values.empty()) {
+    made.masks = EmbeddedMasks(view).masks;
+    return made;
+  }
+  View with_depth = view;
+  with_depth.depth = std::move(made.depth);
+  made.masks = EmbeddedMasks(with_depth).masks;
+  made.depth = std::move(with_depth.depth);
+  return made;
+}
+
+// Returns how many views are done, once these are more, or after a while.
+int EmbeddingTask::WaitForMore(int num_done) {
+  constexpr auto kLongest = std::chrono::milliseconds(200);
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, kLongest, [&] { return num_done_ > num_done; });
+  return num_done_;
+}
+
+absl::Status EmbeddingTask::Finish(
+    absl::FunctionRef<absl::Status(int done, int num_views)> progress, Capture& capture) {
+  const int num_views = static_cast<int>(views_.size());
+  for (int num_done = 0; num_done < num_views;) {
+    num_done = WaitForMore(num_done);
+    RETURN_IF_ERROR(progress(num_done, num_views));
+  }
+  threads_.clear();
+  for (size_t i = 0; i < views_.size(); ++i) {
+    View& view = capture.views[views_[i]];
+    if (what_.depth && view.depth.values.empty()) view.depth = std::move(made_[i].depth);
+    if (what_.masks && view.masks.empty()) view.masks = std::move(made_[i].masks);
   }
   return absl::OkStatus();
+}
+
+absl::Status EmbedPriors(const EmbeddedPriors& what, int num_threads, Capture& capture,
+                         absl::FunctionRef<absl::Status(int done, int num_views)> progress) {
+  return EmbeddingTask(what, num_threads, capture).Finish(progress, capture);
 }
 
 }  // namespace pepeseg

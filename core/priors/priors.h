@@ -1,5 +1,12 @@
 #pragma once
 
+#include <condition_variable>
+#include <cstddef>
+#include <mutex>
+#include <stop_token>
+#include <thread>
+#include <vector>
+
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "core/base/options.h"
@@ -46,10 +53,50 @@ struct EmbeddedPriors {
 };
 
 // Computes masks and depth without a network (embedded_masks.h, embedded_depth.h) for each training
-// view that has none; depth first, because it helps to find the masks' borders. Held-out views are
-// left as they are. Works on `num_threads` views at a time; the result does not depend on it.
-// Calls `progress` on the caller's thread after each group of views; an error that it returns ends
-// the call with that error, and the views done so far keep their priors.
+// view that has none, on threads of its own; depth first, because it helps to find the masks'
+// borders. Held-out views are left as they are. The result does not depend on the number of
+// threads.
+class EmbeddingTask {
+ public:
+  // Starts. Works on `num_threads` views at a time, 0: as many as the machine has cores. The
+  // capture must outlive the task, and must not change before Finish.
+  EmbeddingTask(const EmbeddedPriors& what, int num_threads, const Capture& capture);
+  // Stops after the views that are being worked on.
+  ~EmbeddingTask();
+  EmbeddingTask(const EmbeddingTask&) = delete;
+  EmbeddingTask& operator=(const EmbeddingTask&) = delete;
+
+  const EmbeddedPriors& what() const { return what_; }
+  // Waits for the priors and gives them to the views of `capture`, which is the one of the
+  // constructor. Calls `progress` on the caller's thread for each view, and several times a second;
+  // an error that it returns ends the call with that error, and no view gets a prior. To be called
+  // once.
+  absl::Status Finish(absl::FunctionRef<absl::Status(int done, int num_views)> progress,
+                      Capture& capture);
+
+ private:
+  struct Made {
+    DepthPrior depth;
+    MaskSet masks;
+  };
+  void Work();
+  Made MadeFor(const View& view) const;
+  int WaitForMore(int num_done);
+
+  const EmbeddedPriors what_;
+  const Capture& capture_;
+  std::vector<size_t> views_;  // the training views, by index in the capture
+  std::vector<Made> made_;     // by position in views_
+  std::stop_source stop_;
+
+  std::mutex mutex_;  // guards the members below, except threads_
+  std::condition_variable changed_;
+  size_t next_ = 0;   // position in views_
+  int num_done_ = 0;  // views
+  std::vector<std::jthread> threads_;
+};
+
+// Does such a task, and waits for it.
 absl::Status EmbedPriors(const EmbeddedPriors& what, int num_threads, Capture& capture,
                          absl::FunctionRef<absl::Status(int done, int num_views)> progress);
 

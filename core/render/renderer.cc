@@ -223,7 +223,6 @@ CapturedRows Renderer::Capture(std::span<const int32_t> pixels) {
                         .entry_weight = &rows.weight,
                         .pixel_alpha = rows.alpha.span(),
                         .pixel_depth = {}});
-  backend_.Sync();  // pixel_buffer is freed on return
   return rows;
 }
 

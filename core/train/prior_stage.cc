@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -69,9 +70,41 @@ std::optional<int64_t> PriorStage::NumToSegment(const Capture& capture) const {
   return segmentation_ ? std::optional(segmentation_->NumLeft(capture)) : std::nullopt;
 }
 
+void PriorStage::StartEmbedding(const TrainingScene& scene) {
+  if (HasCommand() || MayUseSam()) return;
+  const EmbeddedPriors what = Embedded(Asked(scene));
+  if (!what.masks && !what.depth) return;
+  // One core is left to the thread that keeps the device busy.
+  const int num_cores = inputs_.tools.num_threads > 0
+                            ? inputs_.tools.num_threads
+                            : static_cast<int>(std::thread::hardware_concurrency());
+  embedding_.emplace(what, std::max(1, num_cores - 1), scene.capture);
+}
+
+// Returns what is to be made. Uploaded priors always win: only what the dataset lacks is made.
+PriorWants PriorStage::Asked(const TrainingScene& scene) const {
+  const PriorMaker depth = settings_.priors.depth;
+  const bool masks =
+      !UsesGivenMasks(scene, settings_.import) && settings_.priors.masks != PriorMaker::kNone;
+  const bool depth_has_use = depth != PriorMaker::kAuto || HasCommand() || masks;
+  return {masks,
+          !UsesGivenDepth(scene, settings_.import) && depth != PriorMaker::kNone && depth_has_use};
+}
+
+// Returns what the built-in methods make of what no command has made. SAM's masks replace built-in
+// ones, which are made only to be joined with them, or if SAM fails.
+EmbeddedPriors PriorStage::Embedded(PriorWants wants) const {
+  const PriorMaker masks = settings_.priors.masks, depth = settings_.priors.depth;
+  const bool embedded = wants.masks && masks != PriorMaker::kCommand &&
+                        (!MayUseSam() || masks == PriorMaker::kSamAndEmbedded);
+  return {embedded, wants.depth && depth != PriorMaker::kCommand &&
+                        (embedded || depth == PriorMaker::kEmbedded)};
+}
+
 absl::Status PriorStage::Run(TrainingScene& scene) {
   const bool has_masks = UsesGivenMasks(scene, settings_.import);
   const bool has_depth = UsesGivenDepth(scene, settings_.import);
+  const PriorWants asked = Asked(scene);
   if (has_masks && settings_.priors.masks != PriorMaker::kAuto) {
     stages_.Warn(WarningOfGiven("masks"));
   }
@@ -80,11 +113,6 @@ absl::Status PriorStage::Run(TrainingScene& scene) {
   }
   scene.sources.masks = {has_masks ? Source::Kind::kGiven : Source::Kind::kNone};
   scene.sources.depth = {has_depth ? Source::Kind::kGiven : Source::Kind::kNone};
-  // Uploaded priors always win: only what the dataset lacks is made.
-  const bool masks = !has_masks && settings_.priors.masks != PriorMaker::kNone;
-  const PriorMaker depth = settings_.priors.depth;
-  const bool depth_has_use = depth != PriorMaker::kAuto || HasCommand() || masks;
-  const PriorWants asked = {masks, !has_depth && depth != PriorMaker::kNone && depth_has_use};
   if (!asked.any()) return stages_.Skip(Stage::kPriors, has_masks ? "given" : "left out");
   RETURN_IF_ERROR(stages_.Start(Stage::kPriors));
   RETURN_IF_ERROR(MakeByCommand(asked, scene));
@@ -158,11 +186,10 @@ absl::Status PriorStage::RecordMade(const std::vector<DatasetFile>& made, bool m
 // Makes what the command did not: depth by the built-in method, masks by SAM, the built-in method,
 // or both.
 absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
-  const auto wants = [](bool asked_for, const Source& source, PriorMaker maker) {
-    return asked_for && maker != PriorMaker::kCommand && source.none();
-  };
   const PriorMaker maker = settings_.priors.masks;
-  const bool masks = wants(asked.masks, scene.sources.masks, maker);
+  const PriorWants wants = {asked.masks && scene.sources.masks.none(),
+                            asked.depth && scene.sources.depth.none()};
+  const bool masks = wants.masks && maker != PriorMaker::kCommand;
   const bool by_sam = masks && MayUseSam();
   if (masks && inputs_.tools.sam.empty() && AsksForSam(maker)) {
     stages_.Warn("SAM: this server no longer has it. The job continues with the built-in masks.");
@@ -170,11 +197,7 @@ absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
   if (by_sam && !segmentation_) {
     segmentation_.emplace(inputs_, settings_.import, scene.files, /*next_to_other_stages=*/false);
   }
-  // SAM's masks replace built-in ones, which are made only to be joined with them, or if SAM fails.
-  const bool embedded = masks && (!by_sam || maker == PriorMaker::kSamAndEmbedded);
-  const bool depth = wants(asked.depth, scene.sources.depth, settings_.priors.depth) &&
-                     (embedded || settings_.priors.depth == PriorMaker::kEmbedded);
-  RETURN_IF_ERROR(Embed({embedded, depth}, by_sam ? kShareBeforeSam : 1, scene));
+  RETURN_IF_ERROR(Embed(Embedded(wants), by_sam ? kShareBeforeSam : 1, scene));
   if (!masks) return absl::OkStatus();
   if (by_sam) RETURN_IF_ERROR(TakeMasksOfSam(scene));
   Source& source = scene.sources.masks;
@@ -187,15 +210,18 @@ absl::Status PriorStage::MakeOthers(PriorWants asked, TrainingScene& scene) {
 // progress.
 absl::Status PriorStage::Embed(EmbeddedPriors what, double share, TrainingScene& scene) {
   if (!what.masks && !what.depth) return absl::OkStatus();
-  RETURN_IF_ERROR(
-      EmbedPriors(what, inputs_.tools.num_threads, scene.capture, [&](int done, int num_views) {
-        StepReport report = {.step = done,
-                             .num_steps = num_views,
-                             .activity = MakingActivity(what.masks, what.depth),
-                             .unit = "photographs"};
-        if (share < 1) report.share = share * done / num_views;
-        return stages_.Step(report);
-      }));
+  if (!embedding_) embedding_.emplace(what, inputs_.tools.num_threads, scene.capture);
+  const auto report = [&](int done, int num_views) {
+    StepReport step = {.step = done,
+                       .num_steps = num_views,
+                       .activity = MakingActivity(what.masks, what.depth),
+                       .unit = "photographs"};
+    if (share < 1) step.share = share * done / num_views;
+    return stages_.StepIfNew(step);
+  };
+  const absl::Status status = embedding_->Finish(report, scene.capture);
+  embedding_.reset();
+  RETURN_IF_ERROR(status);
   if (what.depth && Counts(scene.capture).num_depth_maps > 0) {
     scene.sources.depth = {Source::Kind::kEmbedded};
   }

@@ -27,6 +27,9 @@ class PriorStage {
   // Starts to segment the photographs among `files` on threads of its own, next to the stages
   // before this one, if SAM is expected to make the masks. Does nothing when called again.
   void StartSam(const std::vector<DatasetFile>& files);
+  // Starts to make the built-in priors of the scene's views on threads of its own, next to stage
+  // one, if they are expected. Stage one must not change the capture meanwhile.
+  void StartEmbedding(const TrainingScene& scene);
   // Returns the number of training photographs that SAM has still to segment; nullopt: SAM has not
   // started.
   std::optional<int64_t> NumToSegment(const Capture& capture) const;
@@ -38,6 +41,8 @@ class PriorStage {
   absl::Status Run(TrainingScene& scene);
 
  private:
+  PriorWants Asked(const TrainingScene& scene) const;
+  EmbeddedPriors Embedded(PriorWants wants) const;
   absl::Status MakeByCommand(PriorWants asked, TrainingScene& scene);
   absl::Status TakeFromCommand(PriorWants wants, TrainingScene& scene);
   absl::Status RecordMade(const std::vector<DatasetFile>& made, bool masks, TrainingScene& scene);
@@ -51,6 +56,7 @@ class PriorStage {
   const TrainingSettings& settings_;
   StageLog& stages_;
   std::optional<PhotographSegmentation> segmentation_;  // absent: SAM has not started, or is done
+  std::optional<EmbeddingTask> embedding_;              // absent: not started, or done
 };
 
 }  // namespace pepeseg

@@ -54,6 +54,7 @@ class Training {
   absl::Status EstimatePoses();
   bool PriorsComeFirst() const { return pepeseg::PriorsComeFirst(facts_, settings_.priors); }
   absl::Status MakePriors();
+  void StartPriors();
   absl::Status ReconstructScene();
   absl::Status EvaluateScene();
   absl::Status TrainFeatures();
@@ -91,6 +92,7 @@ absl::StatusOr<TrainedModel> Train(const TrainingInputs& inputs, const TrainingS
   RETURN_IF_ERROR(training.Prepare());
   RETURN_IF_ERROR(training.EstimatePoses());
   if (training.PriorsComeFirst()) RETURN_IF_ERROR(training.MakePriors());
+  training.StartPriors();
   RETURN_IF_ERROR(training.ReconstructScene());
   RETURN_IF_ERROR(training.EvaluateScene());
   if (!training.PriorsComeFirst()) RETURN_IF_ERROR(training.MakePriors());
@@ -151,6 +153,11 @@ absl::Status Training::ImportViews() {
   SetViews(scene_.capture, facts_);
   Plan();
   return absl::OkStatus();
+}
+
+// A GPU leaves the cores idle in stage one, where built-in priors are made on them meanwhile.
+void Training::StartPriors() {
+  if (!PriorsComeFirst() && facts_.on_device) priors_.StartEmbedding(scene_);
 }
 
 // Stage "priors": makes the masks that stage two is trained on, and the depth that losses of both

@@ -107,12 +107,27 @@ class Planner {
   void AddPriors() {
     const ExpectedPriors expected = Expect(facts_, settings_.priors);
     if (!expected.any()) return;
-    const double pixels = photos_ * facts_.megapixels;
-    AddOnCores(Stage::kPriors, pixels * ((expected.built_in_masks ? kEmbeddedMasks : 0) +
-                                         (expected.built_in_depth ? kEmbeddedDepth : 0)));
-    *stages_.back().seconds += SecondsOfSam(expected);
+    const double sam = SecondsOfSam(expected), built_in = SecondsOfBuiltIn(expected);
+    stages_.push_back({.stage = Stage::kPriors, .seconds = sam + built_in});
     // The speed of the operator's program is unknown.
     if (expected.by_command) stages_.back().seconds.reset();
+  }
+
+  // What the built-in methods have still to do when the stage starts: while a GPU computes stage
+  // one they have the cores.
+  double SecondsOfBuiltIn(const ExpectedPriors& expected) const {
+    const double pixels = photos_ * facts_.megapixels;
+    const double seconds = pixels *
+                           ((expected.built_in_masks ? kEmbeddedMasks : 0) +
+                            (expected.built_in_depth ? kEmbeddedDepth : 0)) /
+                           Threads();
+    double meanwhile = 0;
+    for (const PlannedStage& stage : stages_) {
+      const bool leaves_cores =
+          stage.stage == Stage::kReconstruct || stage.stage == Stage::kEvaluate;
+      if (facts_.on_device && leaves_cores) meanwhile += stage.seconds.value_or(0);
+    }
+    return std::max(0.0, seconds - meanwhile);
   }
 
   // What SAM has still to do when its stage starts. Before that it has what other stages leave of

@@ -76,6 +76,7 @@ void SetPaperFeatures(FeatureOptions& options) {
   // Pixels are drawn uniformly, all masks count from the first step, and masks stay as given.
   options.num_pixels = 1000;
   options.mask_share = 0;
+  options.views_per_chunk = 0;
   options.num_background_pixels = 0;
   options.fine_first = 0;
   options.negative_margin = 0;

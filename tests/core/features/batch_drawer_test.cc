@@ -51,6 +51,48 @@ TEST(BatchDrawer, DrawsEachTrainingViewOncePerRound) {
   }
 }
 
+// 10 steps a chunk leave time for two visits of each of the subset's views.
+TEST(BatchDrawer, DrawsAChunkFromViewsAtEvenDistances) {
+  const FeatureOptions options = {.num_pixels = 4, .steps_per_chunk = 10, .views_per_chunk = 5};
+  Drawn drawn(options);
+  const int num_views = static_cast<int>(drawn.views.size());
+  const int num_subsets = (num_views + 4) / 5;
+  ASSERT_GT(num_subsets, 1);
+  std::map<int, int> times;
+  for (int round = 0; round < 2; ++round) {
+    for (int subset = 0; subset < num_subsets; ++subset) {
+      const int num_steps = drawn.drawer->NumAlike();
+      std::map<int, int> of_chunk;
+      for (int step = 0; step < num_steps; ++step) {
+        EXPECT_EQ(drawn.drawer->NumAlike(), num_steps - step);
+        const int view = drawn.drawer->Next().view;
+        ++of_chunk[view];
+        ++times[view];
+      }
+      EXPECT_LE(of_chunk.size(), 5u);
+      const int first = of_chunk.begin()->first;
+      for (const auto& [view, count] : of_chunk) {
+        EXPECT_EQ(count, num_steps / static_cast<int>(of_chunk.size())) << view;
+        EXPECT_TRUE(view % num_subsets == first % num_subsets || view < num_subsets) << view;
+      }
+    }
+  }
+  EXPECT_EQ(times.size(), static_cast<size_t>(num_views));
+}
+
+TEST(BatchDrawer, DrawsTheSameAfterARestoreWithinASubset) {
+  const FeatureOptions options = {.num_pixels = 4, .steps_per_chunk = 10, .views_per_chunk = 5};
+  Drawn unbroken(options), resumed(options);
+  for (int step = 0; step < 13; ++step) unbroken.drawer->Next();
+  ASSERT_OK(resumed.drawer->Restore(unbroken.drawer->Save(), 13));
+  EXPECT_EQ(unbroken.drawer->NumAlike(), resumed.drawer->NumAlike());
+  for (int step = 13; step < 80; ++step) {
+    const BatchDrawer::Draft a = unbroken.drawer->Next(), b = resumed.drawer->Next();
+    EXPECT_EQ(a.view, b.view);
+    EXPECT_EQ(a.seed, b.seed);
+  }
+}
+
 TEST(BatchDrawer, DrawsOnlyPixelsUnderMasksThatAreNotIgnored) {
   Drawn drawn({.num_pixels = 200});
   for (int i = 0; i < 24; ++i) {

@@ -105,6 +105,22 @@ TEST(SamSeconds, AreOfTheDeviceOnceEnoughThreadsFeedIt) {
   EXPECT_LT(SamSeconds(64, /*on_device=*/true), SamSeconds(2, /*on_device=*/true));
 }
 
+// A GPU leaves the cores to the built-in methods while it trains.
+TEST(PlanStages, MakesBuiltInPriorsNextToStageOneOnADevice) {
+  TrainingFacts facts;
+  facts.num_photographs = 200;
+  facts.megapixels = 1;
+  facts.num_threads = 4;
+  const double on_cores = *Find(PlanStages(facts, {}), Stage::kPriors).seconds;
+  facts.on_device = true;
+  const std::vector<PlannedStage> stages = PlanStages(facts, {});
+  const double meanwhile =
+      *Find(stages, Stage::kReconstruct).seconds + *Find(stages, Stage::kEvaluate).seconds;
+  EXPECT_DOUBLE_EQ(*Find(stages, Stage::kPriors).seconds, on_cores - meanwhile);
+  facts.num_threads = 64;
+  EXPECT_EQ(*Find(PlanStages(facts, {}), Stage::kPriors).seconds, 0);
+}
+
 TEST(PlanStages, MakesDepthOnlyWhereItHasAUse) {
   TrainingFacts facts;
   facts.num_photographs = 20;
