@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <optional>
 #include <span>
+#include <utility>
 
+#include "core/base/behind.h"
 #include "core/features/mask_scales.h"
 #include "core/render/renderer.h"
 
@@ -80,6 +82,20 @@ struct UncoveredGrid {
   std::optional<PixelRows> rows;  // if there was room
 };
 
+// keep_rows: there is room for them.
+UncoveredGrid UncoveredOf(const MaskSet& masks, std::span<const int32_t> pixels,
+                          const PixelRows& rows, bool keep_rows) {
+  UncoveredGrid grid;
+  std::vector<size_t> numbers;
+  for (size_t i = 0; i < rows.num_rows(); ++i) {
+    if (IsCovered(masks, pixels[i])) continue;
+    grid.pixels.push_back(pixels[i]);
+    numbers.push_back(i);
+  }
+  if (keep_rows) grid.rows = RowsOf(rows, numbers);
+  return grid;
+}
+
 constexpr size_t kMaxViews = 64;      // views that are looked at
 constexpr double kMaxCells = 32'768;  // pixels that are looked at in a view, on a grid
 // Sum of a Gaussian's blending weights over these pixels above which the view shows it.
@@ -107,22 +123,19 @@ std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
   Coverage coverage(scene.num_gaussians());
   std::vector<UncoveredGrid> uncovered(capture.views.size());
   size_t num_kept = 0;
+  Behind behind;
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const View& view = capture.views[v];
     if (!IsTrained(view)) continue;
-    const std::vector<int32_t> pixels = KnownGridPixels(view, kMaxCellsOfView);
-    const PixelRows rows = ToHost(scene.Rows(view, pixels));
-    coverage.Add(*masks[v], pixels, rows);
-    std::vector<size_t> numbers;
-    for (size_t i = 0; i < rows.num_rows(); ++i) {
-      if (IsCovered(*masks[v], pixels[i])) continue;
-      uncovered[v].pixels.push_back(pixels[i]);
-      numbers.push_back(i);
-    }
-    if (num_kept >= kMaxKeptEntries) continue;
-    uncovered[v].rows = RowsOf(rows, numbers);
-    num_kept += uncovered[v].rows->gaussian.size();
+    std::vector<int32_t> pixels = KnownGridPixels(view, kMaxCellsOfView);
+    PixelRows rows = ToHost(scene.Rows(view, pixels));
+    behind.Do([&, v, pixels = std::move(pixels), rows = std::move(rows)] {
+      coverage.Add(*masks[v], pixels, rows);
+      uncovered[v] = UncoveredOf(*masks[v], pixels, rows, num_kept < kMaxKeptEntries);
+      if (uncovered[v].rows) num_kept += uncovered[v].rows->gaussian.size();
+    });
   }
+  behind.Wait();
   std::vector<UncoveredPixels> found(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {
     const UncoveredGrid& grid = uncovered[v];
@@ -149,12 +162,16 @@ std::vector<float> FeatureConfidence(const Capture& capture, Renderer& scene,
                 kMinViewShare * num_looked_at});
   std::vector<int> num_views(count);
   std::vector<float> weight(count);
+  Behind behind;
   for (const View* view : views) {
-    std::ranges::fill(weight, 0.0f);
-    const PixelRows rows = ToHost(scene.Rows(*view, KnownGridPixels(*view, kMaxCells)));
-    for (size_t e = 0; e < rows.gaussian.size(); ++e) weight[rows.gaussian[e]] += rows.weight[e];
-    for (size_t i = 0; i < count; ++i) num_views[i] += weight[i] > kMinWeight ? 1 : 0;
+    PixelRows rows = ToHost(scene.Rows(*view, KnownGridPixels(*view, kMaxCells)));
+    behind.Do([&, rows = std::move(rows)] {
+      std::ranges::fill(weight, 0.0f);
+      for (size_t e = 0; e < rows.gaussian.size(); ++e) weight[rows.gaussian[e]] += rows.weight[e];
+      for (size_t i = 0; i < count; ++i) num_views[i] += weight[i] > kMinWeight ? 1 : 0;
+    });
   }
+  behind.Wait();
   std::vector<float> confidence(count);
   std::ranges::transform(num_views, confidence.begin(), [&](int num) {
     const float share = static_cast<float>(num) / num_required;

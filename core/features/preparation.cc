@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/behind.h"
 #include "core/features/gaussian_coverage.h"
 #include "core/features/mask_agreement.h"
 #include "core/features/mask_completion.h"
@@ -94,21 +95,20 @@ std::vector<std::vector<float>> MeasureViews(const Capture& capture, Renderer& s
   const std::span<const int> trained = reprojection.views();
   std::vector<std::vector<float>> mask_scales(capture.views.size());
   ThreadPool pool(0);
-  std::future<void> measured;
+  Behind behind;
   for (size_t first = 0; first < trained.size(); first += kBlock) {
     const std::span<const int> block =
         trained.subspan(first, std::min(kBlock, trained.size() - first));
     std::vector<std::vector<float>> depths;
     for (const int view : block) depths.push_back(scene.Depth(capture.views[view]));
-    if (measured.valid()) measured.get();
-    measured = std::async(std::launch::async, [&, block, depths = std::move(depths)] {
+    behind.Do([&, block, depths = std::move(depths)] {
       pool.ParallelFor(static_cast<int64_t>(block.size()), [&](int64_t i, int) {
         mask_scales[block[i]] = MaskScales(capture.views[block[i]], depths[i]);
         reprojection.KeepDepth(block[i], depths[i]);
       });
     });
   }
-  if (measured.valid()) measured.get();
+  behind.Wait();
   return mask_scales;
 }
 
