@@ -101,6 +101,9 @@ struct RenderScratch {
   Buffer<int32_t> visible_first_slot;  // [visible + 1]
   Buffer<int32_t> entry_slot;          // [entries]
   Buffer<SplatGrad> slot_grad;         // [entries] CPU only
+  // [entries] for RenderBackward, CPU only: the blocks of 4x4 pixels in which the entry was blended
+  // (ImageColors, kernels/cpu/simd_kernels.h).
+  Buffer<uint16_t> entry_blocks;
 
   CudaScratch cuda;
 

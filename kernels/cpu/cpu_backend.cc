@@ -122,7 +122,7 @@ int64_t CpuBackend::ScratchBytes(const ScratchSize& size) const {
       (size.for_backward ? BytesOfRow(s.visible_grad) : 0);
   // A run covers at least one entry, so there are at most as many runs.
   const int64_t by_entry = BytesOfRow(s.entry_visible, s.entry_slot, s.runs) +
-                           (size.for_backward ? BytesOfRow(s.slot_grad) : 0);
+                           (size.for_backward ? BytesOfRow(s.slot_grad, s.entry_blocks) : 0);
   const int64_t by_tile = BytesOfRow(s.tile_first_entry);
   const int64_t by_pixel = BytesOfRow(s.pixel_transmittance, s.pixel_last_entry);
   constexpr int64_t kFixed = 4096;  // counters and the ends of prefix sums

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
@@ -21,14 +22,18 @@ LossBand MakeBand(const ImageLossArgs& args, int64_t num_counted, std::vector<fl
   band.l1_weight = (1 - args.ssim_weight) * each;
   band.ssim_weight = args.ssim_weight * each;
   band.pitch = (args.width + 15) / 16 * 16 + 2 * kRowMargin;
-  memory.assign(int64_t{6 + 7 * kRingRows} * band.pitch, 0.0f);
+  memory.assign(int64_t{5 + 10 * kRingRows} * band.pitch, 0.0f);
   float* next = memory.data() + kRowMargin;
-  for (float** row : {&band.x, &band.y, &band.counts, &band.moment_grad[0], &band.moment_grad[1],
-                      &band.moment_grad[2], &band.moments}) {
-    *row = next;
-    next += band.pitch;
+  const auto take = [&](int num_rows) {
+    return std::exchange(next, next + int64_t{num_rows} * band.pitch);
+  };
+  for (float** row : {&band.squares, &band.product, &band.moment_grad[0], &band.moment_grad[1],
+                      &band.moment_grad[2]}) {
+    *row = take(1);
   }
-  band.gathered = band.moments + int64_t{4 * kRingRows} * band.pitch;
+  for (float** ring : {&band.x, &band.y, &band.counts}) *ring = take(kRingRows);
+  band.moments = take(4 * kRingRows);
+  band.gathered = take(3 * kRingRows);
   return band;
 }
 

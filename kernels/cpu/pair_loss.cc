@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <memory>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
@@ -15,6 +16,19 @@ namespace {
 struct PairPlan {
   explicit PairPlan(const PairLossArgs& args);
 
+  // Calls body(panel) for the panels on and above the diagonal, row by row. The bits of a panel are
+  // valid during the call.
+  template <class Body>
+  void ForEachPanel(Body&& body) {
+    for (int row = 0; row < job.padded; row += kPairPanel) {
+      for (int column = row; column < job.padded; column += kPairPanel) {
+        body(PairPanel{row, std::min(row + kPairPanel, job.padded), column,
+                       std::min(column + kPairPanel, job.padded), bits_.get(),
+                       row == column ? bits_.get() : bits_.get() + num_bits_});
+      }
+    }
+  }
+
   PairJob job;
 
  private:
@@ -26,6 +40,8 @@ struct PairPlan {
   std::vector<float> psi_, pixel_weight_, unit_, unit_by_channel_, unit_grad_;
   std::vector<int32_t> cell_;
   std::vector<uint32_t> agrees_;
+  int64_t num_bits_ = 0;              // words of the bits of a panel
+  std::unique_ptr<uint16_t[]> bits_;  // of a panel and, if there are several, of its mirrored one
 };
 
 // Share of all pairs that counts as hard at least, for the number of easy ones.
@@ -46,6 +62,10 @@ PairPlan::PairPlan(const PairLossArgs& args) : job() {
   unit_.resize(num_units);
   unit_by_channel_.resize(num_units);
   unit_grad_.resize(2 * num_units);
+  // Every word that is read is written first.
+  const int64_t side = std::min(job.padded, kPairPanel);
+  num_bits_ = side * (side / kPairTile) * 2 * num_scales;
+  bits_ = std::make_unique_for_overwrite<uint16_t[]>(num_bits_ * (job.padded > side ? 2 : 1));
   GateScales(args);
   ComparePatches(args);
   LimitDraws(args);
@@ -132,12 +152,12 @@ void PairPlan::ScaleWeights(const PairLossArgs& args) {
   job.weight_base = static_cast<float>(1 - kRange * low / (high - low));
 }
 
-// sums[k] = share * the sum over the blocks in their order, for k from first to last.
+// sums[k] = the sum over the blocks in their order, for k from first to last.
 void AddSums(const std::vector<PairBlock>& blocks, PairLossSum first, PairLossSum last,
-             double share, DeviceSpan<double> sums) {
+             DeviceSpan<double> sums) {
   for (int k = first; k <= last; ++k) {
     sums[k] = 0;
-    for (const PairBlock& block : blocks) sums[k] += share * block.sums[k];
+    for (const PairBlock& block : blocks) sums[k] += block.sums[k];
   }
 }
 
@@ -162,27 +182,38 @@ void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
 
 }  // namespace
 
-// A task is a block of kPairRows pixels p, which it compares with all pixels q. Each ordered pair
-// is thus evaluated once, twice the work of unordered ones, but each block writes only the
-// gradients of its own pixels, in a fixed order. Gradients of positives and negatives are gathered
-// apart, because their means need counts that are known only after all blocks.
+// A task is a block of kPairRows pixels p. Pairs are chosen once for both pixels, panel by panel;
+// then each pixel gathers its own gradient in a fixed order: over the panels in theirs, and within
+// a panel over the other pixels in ascending order. Gradients of positives and negatives are
+// gathered apart, because their means need counts that are known only after all blocks.
 void CpuBackend::PairLoss(const PairLossArgs& args) {
   if (failed()) return;
   PairPlan plan(args);
   PairJob& job = plan.job;
   std::vector<PairBlock> blocks(job.padded / kPairRows);
-  const auto for_each_block = [&](auto&& body) {
-    pool_.ParallelFor(static_cast<int64_t>(blocks.size()),
-                      [&](int64_t i, int) { body(blocks[i]); });
+  const auto for_blocks = [&](int first, int end, auto&& body) {
+    const int from = first / kPairRows;
+    pool_.ParallelFor(end / kPairRows - from, [&](int64_t i, int) { body(blocks[from + i]); });
   };
   for (size_t i = 0; i < blocks.size(); ++i) {
     blocks[i].first = static_cast<int>(i) * kPairRows;
     blocks[i].end = std::min(job.num_pixels, blocks[i].first + kPairRows);
   }
-  for_each_block([&](PairBlock& block) { simd_.gate_pixels(job, block.first, block.end); });
-  for_each_block([&](PairBlock& block) { simd_.pair_rows(job, block); });
+  for_blocks(0, job.padded,
+             [&](PairBlock& block) { simd_.gate_pixels(job, block.first, block.end); });
+  plan.ForEachPanel([&](const PairPanel& panel) {
+    for_blocks(panel.first_row, panel.end_row,
+               [&](PairBlock& block) { simd_.choose_pairs(job, panel, block); });
+    for_blocks(panel.first_row, panel.end_row,
+               [&](PairBlock& block) { simd_.gather_pairs(job, panel, block.first, block.end); });
+    if (panel.diagonal()) return;
+    const PairPanel swapped = {panel.first_column, panel.end_column, panel.first_row,
+                               panel.end_row,      panel.mirrored,   panel.bits};
+    for_blocks(swapped.first_row, swapped.end_row,
+               [&](PairBlock& block) { simd_.gather_pairs(job, swapped, block.first, block.end); });
+  });
 
-  AddSums(blocks, kPositiveLoss, kNumNegatives, 0.5, args.sums);  // ordered pairs count twice
+  AddSums(blocks, kPositiveLoss, kNumNegatives, args.sums);
   args.sums[kNumNormPixels] = static_cast<double>(
       std::count_if(args.pixel_alpha.data, args.pixel_alpha.data + job.num_pixels,
                     [&](float alpha) { return alpha > args.min_norm_alpha; }));
@@ -191,8 +222,8 @@ void CpuBackend::PairLoss(const PairLossArgs& args) {
   job.positive_scale = Inverse(positives + (args.joint_mean ? negatives : 0));
   job.negative_scale = Inverse(negatives + (args.joint_mean ? positives : 0));
   job.norm_scale = Inverse(args.sums[kNumNormPixels]);
-  for_each_block([&](PairBlock& block) { simd_.pair_rows_vjp(job, block); });
-  AddSums(blocks, kNormLoss, kNormLoss, 1, args.sums);
+  for_blocks(0, job.padded, [&](PairBlock& block) { simd_.pair_rows_vjp(job, block); });
+  AddSums(blocks, kNormLoss, kNormLoss, args.sums);
   GateGradient(job, blocks);
 }
 

@@ -202,7 +202,8 @@ void ListTileEntries(Backend& backend, RenderScratch& scratch) {
   const TileRun* runs = scratch.runs.span().data;
   if (!scratch.tile_first_entry.Reserve(backend, num_tiles + 1) ||
       !scratch.entry_visible.Reserve(backend, first_slot[num_visible]) ||
-      !scratch.entry_slot.Reserve(backend, first_slot[num_visible])) {
+      !scratch.entry_slot.Reserve(backend, first_slot[num_visible]) ||
+      (scratch.for_backward && !scratch.entry_blocks.Reserve(backend, first_slot[num_visible]))) {
     return;
   }
   int32_t* tile_first = scratch.tile_first_entry.span().data;
@@ -281,6 +282,7 @@ void CpuBackend::Render(const RenderArgs& args) {
   image.depth = args.depth.data;
   image.transmittance = scratch.pixel_transmittance.span().data;
   image.last = scratch.pixel_last_entry.span().data;
+  if (args.for_backward) image.entry_blocks = scratch.entry_blocks.span().data;
   pool_.ParallelFor(NumTilesOf(scratch),
                     [&](int64_t i, int) { simd_.blend_tile(TileAt(scratch, i), image); });
 }

@@ -62,6 +62,7 @@ void CpuBackend::RenderBackward(const RenderBackwardArgs& args) {
   image.depth = args.depth_grad.empty() ? nullptr : args.depth_grad.data;
   image.transmittance = scratch.pixel_transmittance.span().data;
   image.last = scratch.pixel_last_entry.span().data;
+  image.entry_blocks = scratch.entry_blocks.span().data;
   SplatGrad* slot_grad = scratch.slot_grad.span().data;
   pool_.ParallelFor(NumTilesOf(scratch), [&](int64_t i, int) {
     simd_.blend_tile_backward(TileAt(scratch, i), image, slot_grad);

@@ -8,15 +8,15 @@
 #include "kernels/cpu/tile_splats.h"
 #include "kernels/math/blend.h"
 
-// CaptureRows: rows of the blend matrix. Sampled pixels are grouped by tile and pair of scanlines,
-// because the SIMD walk may work on two scanlines at once; a task walks one group. The first pass
-// counts the entries of each row; after the prefix sum over the rows a second pass writes them.
-// Each row is written by one task, so the result does not depend on the number of threads.
+// CaptureRows: rows of the blend matrix. Sampled pixels are grouped by tile, and a task walks the
+// entries of one tile. The first pass counts the entries of each row; after the prefix sum over the
+// rows a second pass writes them. Each row is written by one task, so the result does not depend on
+// the number of threads.
 
 namespace pepeseg {
 namespace {
 
-// A sampled pixel, ordered by its place: the tile, the pair of scanlines in it, the pixel in these.
+// A sampled pixel, ordered by its place: tile * kTilePixels + TilePixel.
 struct Sample {
   int64_t place;
   int64_t number;  // index in CaptureRowsArgs::pixels
@@ -25,8 +25,6 @@ struct Sample {
     return std::tie(a.place, a.number) < std::tie(b.place, b.number);
   }
 };
-constexpr int64_t kPairPixels = 2 * kTileSize;
-constexpr int64_t kPairs = kTileSize / 2;
 
 // Returns the samples sorted by place. Equal pixels stay in the order of the arguments.
 std::vector<Sample> SamplesByPlace(const RenderScratch& scratch, DeviceSpan<const int32_t> pixels) {
@@ -34,14 +32,13 @@ std::vector<Sample> SamplesByPlace(const RenderScratch& scratch, DeviceSpan<cons
   for (int64_t i = 0; i < pixels.size; ++i) {
     const int x = pixels[i] % scratch.width, y = pixels[i] / scratch.width;
     const int64_t tile = int64_t{y / kTileSize} * scratch.num_tiles_x + x / kTileSize;
-    const int in_tile = y % kTileSize * kTileSize + x % kTileSize;
-    samples[i] = {tile * kPairs * kPairPixels + in_tile, i};
+    samples[i] = {tile * kTilePixels + TilePixel(x % kTileSize, y % kTileSize), i};
   }
   std::sort(samples.begin(), samples.end());
   return samples;
 }
 
-// The samples in one pair of scanlines of a tile, which are walked together.
+// The samples in one tile, which are walked together.
 struct SampleGroup {
   std::span<const Sample> samples;
   TileSplats tile = {};         // cut after the last entry that any of the pixels has seen
@@ -50,18 +47,18 @@ struct SampleGroup {
 
   // Weights of one of the samples, [tile.count].
   const float* WeightsOf(const Sample& sample) const {
-    const auto pixel = static_cast<int32_t>(sample.place % (kPairs * kPairPixels));
+    const auto pixel = static_cast<int32_t>(sample.place % kTilePixels);
     const auto at = std::lower_bound(pixels.begin(), pixels.end(), pixel);
     return weights.data() + (at - pixels.begin()) * tile.count;
   }
 };
 
-// Splits sorted samples where the pair of scanlines changes.
+// Splits sorted samples where the tile changes.
 std::vector<SampleGroup> SampleGroupsOf(std::span<const Sample> samples) {
   std::vector<SampleGroup> groups;
   for (size_t first = 0, end = 0; first < samples.size(); first = end) {
-    const int64_t pair = samples[first].place / kPairPixels;
-    while (end < samples.size() && samples[end].place / kPairPixels == pair) ++end;
+    const int64_t tile = samples[first].place / kTilePixels;
+    while (end < samples.size() && samples[end].place / kTilePixels == tile) ++end;
     groups.push_back({samples.subspan(first, end - first), {}, {}, {}});
   }
   return groups;
@@ -70,11 +67,11 @@ std::vector<SampleGroup> SampleGroupsOf(std::span<const Sample> samples) {
 // Computes the weights of all entries at the pixels of a group; 0 where an entry is skipped.
 void FindWeights(const SimdKernels& simd, const CaptureRowsArgs& args, SampleGroup& group) {
   const RenderScratch& scratch = *args.scratch;
-  group.tile = TileAt(scratch, group.samples[0].place / (kPairs * kPairPixels));
+  group.tile = TileAt(scratch, group.samples[0].place / kTilePixels);
   // Entries after the last one that any of the pixels has seen have no weight.
   group.tile.count = 0;
   for (const Sample& sample : group.samples) {
-    const auto pixel = static_cast<int32_t>(sample.place % (kPairs * kPairPixels));
+    const auto pixel = static_cast<int32_t>(sample.place % kTilePixels);
     if (group.pixels.empty() || group.pixels.back() != pixel) group.pixels.push_back(pixel);
     group.tile.count =
         std::max(group.tile.count, scratch.pixel_last_entry.span()[args.pixels[sample.number]]);

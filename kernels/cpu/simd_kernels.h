@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <span>
 
+#include "kernels/math/hd.h"
 #include "kernels/math/match.h"
 #include "kernels/math/ssim.h"
 #include "kernels/ops/cluster.h"
@@ -22,12 +23,25 @@ namespace pepeseg {
 // Rendering and stage one.
 
 inline constexpr int kTilePixels = 256;  // kTileSize^2
+// A tile has 16 blocks of 4x4 pixels, row by row, and a block has its pixels row by row. Arrays
+// over the pixels of a tile are in this order: an ellipse fills more lanes of such a vector than of
+// a row of 16 pixels (81 % and 64 % of them where step_bench blends).
+inline constexpr int kBlockSize = 4;  // pixels a side
+inline constexpr int kTileBlocks = 16;
+inline constexpr int kBlockPixels = kTilePixels / kTileBlocks;
+
+// Returns the index of pixel (x, y) of a tile.
+PEPESEG_HD int TilePixel(int x, int y) {
+  return (y / kBlockSize * kBlockSize + x / kBlockSize) * kBlockPixels +
+         y % kBlockSize * kBlockSize + x % kBlockSize;
+}
 
 // One tile and its entries, front to back.
 struct TileSplats {
   const Splat* splats;        // [visible]
   const int32_t* entries;     // [count] -> visible
   const int32_t* entry_slot;  // [count] -> slot of the gradient
+  int32_t first;              // index of the first of them among all entries
   int32_t count;
   float x, y;         // the tile's top left corner, pixels
   int width, height;  // the tile's part inside the image, 1..kTileSize
@@ -39,6 +53,9 @@ struct ImageColors {
   int64_t stride;
   float *r, *g, *b, *alpha, *depth, *transmittance;
   int32_t* last;
+  // [entries] a bit for each block of the tile in which the entry was blended, as far as any pixel
+  // has seen the entries; null unless for a backward pass.
+  uint16_t* entry_blocks;
 };
 // Inputs of its backward pass: gradients of the colours, alpha and depth, of which the last two may
 // be null, and what the render left.
@@ -46,6 +63,7 @@ struct ImageGrads {
   int64_t stride;
   const float *r, *g, *b, *alpha, *depth, *transmittance;
   const int32_t* last;
+  const uint16_t* entry_blocks;
 };
 
 // Projection of Gaussians [first, first + count). The outputs are those in front of the near plane
@@ -85,7 +103,7 @@ struct ParameterJob {
   int64_t num_skipped[kMaxUpdateSteps];  // out, by step: rows with a gradient that is not finite
 };
 
-inline constexpr int kLossBandRows = 48;  // scanlines of a task, and the granularity of the sums
+inline constexpr int kLossBandRows = 96;  // scanlines of a task, and the granularity of the sums
 inline constexpr int kRowMargin = 16;  // zeros on either side of a scanline, >= kLanes and radius
 inline constexpr int kRingRows = 2 * kSsimRadius + 1;
 
@@ -95,19 +113,23 @@ struct LossBand {
   const ImageLossArgs* args;
   float l1_weight, ssim_weight;  // of one pixel of one channel: loss weight / count
   int channel, first_row, end_row;
-  int pitch;              // width rounded up to 16, and two margins
-  float *x, *y;           // a scanline of the rendered image and of the photograph
-  float* counts;          // 1, or 0 where the pixel is ignored
-  float* moment_grad[3];  // gradients of the moments of windows centred on a scanline
-  float* moments;   // [4, kRingRows, pitch] moments filtered across; scanline r at r % kRingRows
-  float* gathered;  // [3, kRingRows, pitch] moment_grad filtered across
+  int pitch;  // width rounded up to 16, and two margins
+  // Rings of scanlines, scanline r at r % kRingRows: of the rendered image, of the photograph, and
+  // 1, or 0 where the pixel is ignored.
+  float *x, *y, *counts;           // [kRingRows, pitch]
+  float *squares, *product;        // x^2 + y^2 and x y of a scanline
+  float* moment_grad[3];           // gradients of the moments of windows centred on a scanline
+  float* moments;                  // [4, kRingRows, pitch] moments filtered across
+  float* gathered;                 // [3, kRingRows, pitch] moment_grad filtered across
   double sums[kNumImageLossSums];  // out
 };
 
 // Stage two (kernels/cpu/simd/feature.cc, pair_loss.cc, perception_loss.cc).
 
-inline constexpr int kPairColumns = 16;  // pixels q that are worked on together
-inline constexpr int kPairRows = 32;     // pixels p of a task
+inline constexpr int kPairTile = 16;  // pixels p, and pixels q, that are worked on together
+inline constexpr int kPairRows = 32;  // pixels p of a task
+// Pixels a side of a panel of pairs, so that the memory for the choice of pairs is bounded.
+inline constexpr int kPairPanel = 2048;
 
 // Data shared by the tasks of one PairLoss. Arrays over pixels are padded with zeros to `padded`, a
 // multiple of kPairRows.
@@ -128,7 +150,20 @@ struct PairJob {
   float positive_scale, negative_scale, norm_scale;
 };
 
-// Pixels p in [first, end) and their sums. Sums of pairs are over ordered pairs, so twice the loss.
+// Pixels p in [first_row, end_row) and q in [first_column, end_column), multiples of kPairRows, of
+// which the columns are the rows or come after them. The pairs that count are bits, a word for each
+// p, each tile of kPairTile pixels q, each of positives and negatives with a gradient, and each
+// scale: [rows, columns / kPairTile, 2, num_scales].
+struct PairPanel {
+  int first_row, end_row, first_column, end_column;
+  uint16_t* bits;
+  // The same pairs with p and q swapped; `bits` if rows and columns are the same.
+  uint16_t* mirrored;
+
+  PEPESEG_HD bool diagonal() const { return first_row == first_column; }
+};
+
+// Pixels p in [first, end) and their sums.
 struct PairBlock {
   int first, end;
   double sums[kNumPairLossSums];
@@ -290,8 +325,7 @@ struct SimdKernels {
   void (*blend_tile_backward)(const TileSplats& tile, const ImageGrads& image,
                               SplatGrad* slot_grad);
   // Writes weights[pixels, tile.count] of the entries at some pixels; 0 where an entry is skipped.
-  // Pixels are y * kTileSize + x within the tile, without repeats, at least one, all in scanlines
-  // 2 n and 2 n + 1.
+  // Pixels are TilePixel(x, y) within the tile, without repeats.
   void (*pixel_weights)(const TileSplats& tile, std::span<const int32_t> pixels, float* weights);
   // Blends features [N, kFeatureSize] by weight and confidence, [N] or null, to
   // sums[kTilePixels, kFeatureSize]; see RenderFeaturesArgs.
@@ -306,9 +340,13 @@ struct SimdKernels {
   void (*feature_update)(const FeatureUpdateArgs& args, FeatureRange touched);
   void (*smooth_features)(const SmoothFeaturesArgs& args, FeatureRange touched);
   void (*smooth_backward)(const SmoothBackwardArgs& args, FeatureRange touched);
-  // The passes of PairLoss over pixels, in this order: units, pairs, gradients.
+  // The passes of PairLoss over pixels, in this order: units, choice of pairs, gradients of the
+  // units, gradients. choose_pairs: pairs of the block's pixels, which are rows of the panel, with
+  // columns that come after them. gather_pairs: adds to the gradients of rows [first, end) of a
+  // panel; `bits` and the columns may be those of the mirrored one.
   void (*gate_pixels)(const PairJob& job, int first, int end);
-  void (*pair_rows)(const PairJob& job, PairBlock& block);
+  void (*choose_pairs)(const PairJob& job, const PairPanel& panel, PairBlock& block);
+  void (*gather_pairs)(const PairJob& job, const PairPanel& panel, int first, int end);
   void (*pair_rows_vjp)(const PairJob& job, PairBlock& block);
   // The passes of PerceptionLoss, in this order.
   void (*perception_units)(const PerceptionJob& job, FeatureRange pixels);

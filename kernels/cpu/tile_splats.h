@@ -21,6 +21,7 @@ inline TileSplats TileAt(const RenderScratch& scratch, int64_t tile) {
   return {scratch.visible_splat.span().data,
           scratch.entry_visible.span().data + first,
           scratch.entry_slot.span().data + first,
+          first,
           scratch.tile_first_entry.span()[tile + 1] - first,
           static_cast<float>(x),
           static_cast<float>(y),
@@ -34,7 +35,7 @@ inline void ForEachTilePixel(const TileSplats& tile, int image_width, Fn&& fn) {
   const int64_t corner = static_cast<int64_t>(tile.y) * image_width + static_cast<int64_t>(tile.x);
   for (int y = 0; y < tile.height; ++y) {
     for (int x = 0; x < tile.width; ++x) {
-      fn(corner + int64_t{y} * image_width + x, y * kTileSize + x);
+      fn(corner + int64_t{y} * image_width + x, TilePixel(x, y));
     }
   }
 }

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/kernels/backend_test.h"
@@ -46,6 +47,35 @@ TEST_P(PairLossTest, MatchesDoubleReference) {
       EXPECT_LT(RelativeError(Doubles(got.gate_grad), want.gate_grad), 5e-5) << num_pixels;
     }
   }
+}
+
+// Returns the batch with its pixels in reverse order.
+PairBatch Reversed(PairBatch batch) {
+  const Values features = batch.features;
+  const int last = batch.num_pixels - 1;
+  for (int p = 0; p <= last; ++p) {
+    std::copy_n(features.begin() + int64_t{last - p} * kFeatureSize, kFeatureSize,
+                batch.features.begin() + int64_t{p} * kFeatureSize);
+  }
+  std::reverse(batch.weight.begin(), batch.weight.end());
+  std::reverse(batch.alpha.begin(), batch.alpha.end());
+  std::reverse(batch.cell.begin(), batch.cell.end());
+  return batch;
+}
+
+// The CPU works on panels of 2048 pixels (kPairPanel). In reverse order other pixels share one.
+TEST_P(PairLossTest, DoesNotDependOnTheOrderOfThousandsOfPixels) {
+  constexpr int kPixels = 2100, kScales = 3;
+  PairBatch batch = RandomPairBatch(kPixels, kScales, 1, 9);
+  const PairOpResult got = RunPairLoss(*backend_, batch, 1e9f);
+  const PairOpResult reversed = RunPairLoss(*backend_, Reversed(batch), 1e9f);
+  EXPECT_EQ(got.sums[kNumPositives] + got.sums[kNumNegatives],
+            kScales * 0.5 * kPixels * (kPixels - 1));
+  EXPECT_EQ(got.sums[kNumPositives], reversed.sums[kNumPositives]);
+  EXPECT_NEAR(got.Total(), reversed.Total(), 2e-6 * (1 + std::abs(got.Total())));
+  batch.features = Doubles(got.feature_grad);
+  EXPECT_LT(RelativeError(Doubles(reversed.feature_grad), Reversed(batch).features), 2e-5);
+  EXPECT_LT(RelativeError(Doubles(reversed.gate_grad), Doubles(got.gate_grad)), 5e-5);
 }
 
 TEST_P(PairLossTest, MatchesDoubleReferenceWithAGateOfTwoLayers) {

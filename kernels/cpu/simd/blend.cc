@@ -2,8 +2,8 @@
 #include "kernels/cpu/simd/tile_walk.h"
 
 // Forward blending of a tile: colours and depth, the weights at some pixels, or features. All walk
-// the tile's entries front to back (WalkTile) with a vector of adjacent pixels of a scanline at a
-// time, and keep the sums of the whole tile in arrays that fit the cache.
+// the tile's entries front to back (WalkTile) with a vector of pixels of a block at a time, and
+// keep the sums of the whole tile in arrays that fit the cache.
 
 namespace pepeseg {
 namespace HWY_NAMESPACE {
@@ -16,23 +16,25 @@ PEPESEG_HD void AddTo(float* sum, Lanes weight, Lanes value) {
 
 // Starts all pixels with transmittance 1, and those outside the image with 0, which the walk skips.
 PEPESEG_HD void ClearTransmittance(const TileSplats& tile, float* transmittance) {
-  for (int i = 0; i < kTilePixels; ++i) {
-    const bool inside = i % kTileSize < tile.width && i / kTileSize < tile.height;
-    transmittance[i] = inside ? 1.0f : 0.0f;
+  for (int y = 0; y < kTileSize; ++y) {
+    for (int x = 0; x < kTileSize; ++x) {
+      transmittance[TilePixel(x, y)] = x < tile.width && y < tile.height ? 1.0f : 0.0f;
+    }
   }
 }
 
-// Sums of a tile, in scanlines of kTileSize pixels.
+// Sums of a tile, in the order of TilePixel.
 struct TileColors {
   alignas(64) float r[kTilePixels], g[kTilePixels], b[kTilePixels], depth[kTilePixels];
   alignas(64) float transmittance[kTilePixels];
   alignas(64) float last[kTilePixels];  // end of the entries that the pixel has seen, as a float
 };
 
-// Records entry k as the end for the pixels of a scanline that have stopped now: their
-// transmittance is negative, and their end is still the `count` that all start with.
-PEPESEG_HD void NoteStops(int32_t k, int row, float count, TileColors& out) {
-  for (int pixel = row; pixel < row + kTileSize; pixel += kLanes) {
+// Records entry k as the end for the pixels of a block that have stopped now: their transmittance
+// is negative, and their end is still the `count` that all start with.
+PEPESEG_HD void NoteStops(int32_t k, int block, float count, TileColors& out) {
+  for (int i = 0; i < kBlockPixels; i += kLanes) {
+    const int pixel = block * kBlockPixels + i;
     const Lanes last = Lanes::Load(out.last + pixel);
     const LaneMask ended =
         (Lanes::Load(out.transmittance + pixel) < Lanes(0.0f)) & (Lanes(count) <= last);
@@ -42,14 +44,14 @@ PEPESEG_HD void NoteStops(int32_t k, int row, float count, TileColors& out) {
 
 // Blends colours, and depth if wanted.
 template <bool kWithDepth>
-PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
+PEPESEG_HD void BlendColors(const TileSplats& tile, uint16_t* entry_blocks, TileColors& out) {
   for (int i = 0; i < kTilePixels; ++i) {
     out.r[i] = out.g[i] = out.b[i] = out.depth[i] = 0;
     out.last[i] = static_cast<float>(tile.count);
   }
   ClearTransmittance(tile, out.transmittance);
   WalkTile(
-      tile, kWholeTile, out.transmittance,
+      tile, out.transmittance,
       [&](int32_t k, int pixel, LaneMask, Lanes weight) __attribute__((always_inline)) {
         const Splat& s = tile.splats[tile.entries[k]];
         AddTo(out.r + pixel, weight, Lanes(s.r));
@@ -57,36 +59,51 @@ PEPESEG_HD void BlendColors(const TileSplats& tile, TileColors& out) {
         AddTo(out.b + pixel, weight, Lanes(s.b));
         if (kWithDepth) AddTo(out.depth + pixel, weight, Lanes(s.depth));
       },
-      [&](int32_t k, uint32_t rows) __attribute__((always_inline)) {
-        for (; rows != 0; rows &= rows - 1) {
-          NoteStops(k, __builtin_ctz(rows) * kTileSize, static_cast<float>(tile.count), out);
+      [&](int32_t k, uint32_t blended, uint32_t stopped) __attribute__((always_inline)) {
+        if (entry_blocks != nullptr) entry_blocks[tile.first + k] = static_cast<uint16_t>(blended);
+        for (; HWY_UNLIKELY(stopped != 0); stopped &= stopped - 1) {
+          NoteStops(k, __builtin_ctz(stopped), static_cast<float>(tile.count), out);
         }
       });
+}
+
+// Writes `count` pixels of a row of a block, from `pixel` on in the tile, to `at` of the image.
+PEPESEG_HD void StoreColors(const TileColors& colors, int pixel, int count, int64_t at,
+                            const ImageColors& image) {
+  const auto load = [&](const float* from) __attribute__((always_inline)) {
+    return hn::LoadU(BlockRowTag(), from + pixel);
+  };
+  const auto store = [&](const float* color, float* out) __attribute__((always_inline)) {
+    StoreBlockRow(load(color), out + at, count);
+  };
+  store(colors.r, image.r);
+  store(colors.g, image.g);
+  store(colors.b, image.b);
+  if (image.depth != nullptr) store(colors.depth, image.depth);
+  const auto transmittance = hn::Abs(load(colors.transmittance));
+  StoreBlockRow(transmittance, image.transmittance + at, count);
+  if (image.alpha != nullptr) {
+    StoreBlockRow(hn::Sub(hn::Set(BlockRowTag(), 1.0f), transmittance), image.alpha + at, count);
+  }
+  if (HWY_LIKELY(count >= kBlockSize)) {
+    const hn::RebindToSigned<BlockRowTag> d;
+    hn::StoreU(hn::ConvertTo(d, load(colors.last)), d, image.last + at);
+  } else {
+    for (int i = 0; i < count; ++i) {
+      image.last[at + i] = static_cast<int32_t>(colors.last[pixel + i]);
+    }
+  }
 }
 
 // Writes the part of the tile that lies inside the image.
 PEPESEG_HD void StoreTile(const TileSplats& tile, const TileColors& colors,
                           const ImageColors& image) {
   const int64_t corner = static_cast<int64_t>(tile.y) * image.stride + static_cast<int64_t>(tile.x);
-  for (int pixel = 0; pixel < kTilePixels; pixel += kLanes) {
-    const int x = pixel % kTileSize, y = pixel / kTileSize;
-    const int count = Min(kLanes, tile.width - x);
-    if (y >= tile.height || count <= 0) continue;
-    const int64_t at = corner + y * image.stride + x;
-    const Lanes transmittance = Abs(Lanes::Load(colors.transmittance + pixel));
-    const auto store = [&](const float* color, float* out) __attribute__((always_inline)) {
-      StoreSome(Lanes::Load(color + pixel), out + at, count);
-    };
-    store(colors.r, image.r);
-    store(colors.g, image.g);
-    store(colors.b, image.b);
-    if (image.depth != nullptr) store(colors.depth, image.depth);
-    if (image.alpha != nullptr) {
-      StoreSome(Lanes(1.0f) - transmittance, image.alpha + at, count);
+  for (int y = 0; y < tile.height; ++y) {
+    for (int x = 0; x < tile.width; x += kBlockSize) {
+      StoreColors(colors, TilePixel(x, y), Min(kBlockSize, tile.width - x),
+                  corner + y * image.stride + x, image);
     }
-    StoreSome(transmittance, image.transmittance + at, count);
-    for (int i = 0; i < count; ++i)
-      image.last[at + i] = static_cast<int32_t>(colors.last[pixel + i]);
   }
 }
 
@@ -94,7 +111,8 @@ PEPESEG_HD void StoreTile(const TileSplats& tile, const TileColors& colors,
 
 void BlendTile(const TileSplats& tile, const ImageColors& image) {
   TileColors colors;
-  image.depth != nullptr ? BlendColors<true>(tile, colors) : BlendColors<false>(tile, colors);
+  image.depth != nullptr ? BlendColors<true>(tile, image.entry_blocks, colors)
+                         : BlendColors<false>(tile, image.entry_blocks, colors);
   StoreTile(tile, colors, image);
 }
 
@@ -107,9 +125,8 @@ void PixelWeights(const TileSplats& tile, std::span<const int32_t> pixels, float
     number[pixels[i]] = static_cast<int32_t>(i);
   }
   for (size_t i = 0; i < pixels.size() * tile.count; ++i) weights[i] = 0;
-  const int row = pixels[0] / kTileSize & -2;  // the first of the pair of scanlines
   WalkTile(
-      tile, {row, row + 2, 0, kVectorsPerRow}, transmittance,
+      tile, transmittance,
       [&](int32_t k, int pixel, LaneMask live, Lanes weight) __attribute__((always_inline)) {
         alignas(64) float lanes[kLanes];
         weight.Store(lanes);
@@ -118,7 +135,7 @@ void PixelWeights(const TileSplats& tile, std::span<const int32_t> pixels, float
           weights[int64_t{number[pixel + lane]} * tile.count + k] = lanes[lane];
         }
       },
-      [](int32_t, uint32_t) {});
+      [](int32_t, uint32_t, uint32_t) {});
 }
 
 // A pixel's 32 sums are contiguous, so for features the vector runs along the channels and the
@@ -130,7 +147,7 @@ void BlendFeatures(const TileSplats& tile, const float* features, const float* c
   for (int i = 0; i < kTilePixels * kFeatureSize; ++i) sums[i] = 0;
   alignas(64) float confident[kTilePixels] = {};  // sums of weight * confidence
   WalkTile(
-      tile, kWholeTile, transmittance,
+      tile, transmittance,
       [&](int32_t k, int pixel, LaneMask live, Lanes weight) __attribute__((always_inline)) {
         const int64_t gaussian = visible_gaussian[tile.entries[k]];
         const float* feature = features + gaussian * kFeatureSize;
@@ -146,7 +163,7 @@ void BlendFeatures(const TileSplats& tile, const float* features, const float* c
           }
         }
       },
-      [](int32_t, uint32_t) {});
+      [](int32_t, uint32_t, uint32_t) {});
   if (confidence == nullptr) return;
   // The weights sum to 1 - transmittance; a stopped pixel's is negative.
   for (int i = 0; i < kTilePixels; ++i) {

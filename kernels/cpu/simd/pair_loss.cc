@@ -2,22 +2,23 @@
 #include "kernels/cpu/simd/lanes.h"
 #include "kernels/cpu/simd_kernels.h"
 
-// The passes of PairLoss over a block of pixels p against all pixels q. Tiles of 8 pixels p and 16
-// pixels q are correlated at all scales, the pairs that count are chosen from the cosines, and
-// their terms are added at once: cosines are never stored for more than one tile. A tile's pixels q
-// are a word of bits, so that terms are added for the chosen pairs only. Each p gathers its own
-// gradients in ascending order of q.
+// The passes of PairLoss. Tiles of 16 pixels p and 16 pixels q are correlated at all scales, the
+// pairs that count are chosen from the cosines, and their terms are added at once: cosines are
+// never stored for more than half a tile. Only tiles on and above the diagonal are, because a pair
+// is the same in either order; what remains of a pair is a bit, for p and, transposed, for q. The
+// gradients need no cosine, so a second pass gathers them by the bits, for each pixel in ascending
+// order of the others.
 
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 namespace {
 
-constexpr int kTileRows = 8;  // pixels p of a tile, whose correlations are held in registers
-constexpr int kColumnVectors = kPairColumns / kLanes;
+constexpr int kTileRows = 8;  // pixels p whose correlations are held in registers
+constexpr int kTileVectors = kPairTile / kLanes;
 
-// Cosines of a tile by pixel p, scale and pixel q.
+// Cosines of half a tile by pixel p, scale and pixel q.
 struct Cosines {
-  alignas(64) float at[kTileRows][kMaxScales][kPairColumns];
+  alignas(64) float at[kTileRows][kMaxScales][kPairTile];
 };
 
 // Unit vector of a pixel at a scale; those of the following pixels are behind it.
@@ -30,12 +31,12 @@ PEPESEG_HD void Correlate(const PairJob& job, int p, int q, Cosines& cosines) {
   for (int scale = 0; scale < job.num_scales; ++scale) {
     const float* rows = UnitOf(job, scale, p);
     const float* columns = job.unit_by_channel + (int64_t{scale} * job.padded + q) * kFeatureSize;
-    for (int v = 0; v < kColumnVectors; ++v) {
+    for (int v = 0; v < kTileVectors; ++v) {
       Lanes sum[kTileRows];
       HWY_UNROLL(kTileRows)
       for (int i = 0; i < kTileRows; ++i) sum[i] = Lanes(0.0f);
       for (int channel = 0; channel < kFeatureSize; ++channel) {
-        const Lanes column = Lanes::Load(columns + channel * kPairColumns + v * kLanes);
+        const Lanes column = Lanes::Load(columns + channel * kPairTile + v * kLanes);
         HWY_UNROLL(kTileRows)
         for (int i = 0; i < kTileRows; ++i) {
           sum[i] = MulAdd(Lanes(rows[i * kFeatureSize + channel]), column, sum[i]);
@@ -81,7 +82,7 @@ struct Choice {
 
 // Chooses among kLanes pixels from q on, whose bits start at `offset`. The rules are those of
 // PairLossArgs: hard, drawn or wrong.
-PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns],
+PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosine)[kPairTile],
                             int offset, Choice& choice) {
   const IntTag d;
   const uint32_t* row = job.agrees + int64_t{job.cell[p]} * job.args->num_cells;
@@ -108,81 +109,143 @@ PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosi
   choice.chosen |= BitsOf(LaneMask{chosen}) << offset;
 }
 
-// Chooses among the kPairColumns pixels from q on.
-PEPESEG_HD Choice Choose(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns]) {
+// Chooses among the kPairTile pixels from q on, those after p only.
+PEPESEG_HD Choice Choose(const PairJob& job, int p, int q, const float (*cosine)[kPairTile]) {
   Choice choice = {};
-  for (int offset = 0; offset < kPairColumns; offset += kLanes) {
+  for (int offset = 0; offset < kPairTile; offset += kLanes) {
     ChooseLanes(job, p, q + offset, cosine, offset, choice);
   }
-  // A pixel is paired neither with itself nor with padding.
-  const int num_columns = job.num_pixels - q < kPairColumns ? job.num_pixels - q : kPairColumns;
+  // Padding has no pairs.
+  const int num_columns = Max(0, Min(job.num_pixels - q, kPairTile));
   choice.chosen &= (1u << num_columns) - 1u;
-  if (p >= q && p < q + kPairColumns) choice.chosen &= ~(1u << (p - q));
+  if (p >= q) choice.chosen &= ~((2u << (p - q)) - 1u);
   return choice;
 }
 
-// Adds weight[j] * unit[j] to grad for each set bit j, in ascending order.
-PEPESEG_HD void AddUnits(uint32_t bits, const float* weight, const float* units, float* grad) {
-  if (bits == 0) return;
-  FeatureLanes sum = LoadFeature(grad);
-  for (; bits != 0; bits &= bits - 1) {
-    const int j = __builtin_ctz(bits);
-    AddScaled(weight[j], units + j * kFeatureSize, sum);
-  }
-  StoreFeature(sum, grad);
-}
-
-// The terms of the pairs (p, q) of a tile at one scale, and their weights for AddUnits.
-struct Terms {
-  alignas(64) float positive_grad[kPairColumns];
-  alignas(64) float negative_grad[kPairColumns];
-  uint32_t pushes;                   // a bit for each q: the negative term has a gradient
-  Lanes positive_sum, negative_sum;  // of the terms, over all scales so far
-};
-
-// Evaluates the terms at one scale and adds them to the sums of `terms`.
-PEPESEG_HD void EvaluateTerms(const float* weight, const float* cosine, float negative_margin,
-                              uint32_t positive, uint32_t negative, Terms& terms) {
-  const Lanes zero(0.0f), margin(negative_margin);
-  terms.pushes = 0;
-  for (int offset = 0; offset < kPairColumns; offset += kLanes) {
-    const Lanes w = Lanes::Load(weight + offset), c = Lanes::Load(cosine + offset);
-    const LaneMask pull = MaskOf(positive >> offset), push = MaskOf(negative >> offset);
-    terms.positive_sum = terms.positive_sum + Select(pull, PositiveTerm(w, c), zero);
-    terms.negative_sum = terms.negative_sum + Select(push, NegativeTerm(w, c, margin), zero);
-    PositiveTermVjp(w).Store(terms.positive_grad + offset);
-    NegativeTermVjp(w, c, margin).Store(terms.negative_grad + offset);
-    terms.pushes |= BitsOf(margin < c) << offset;
-  }
-  terms.pushes &= negative;
-}
-
-// Adds the chosen pairs of pixel p at all scales to the gradients of p and the sums of the block.
-PEPESEG_HD void AddTerms(const PairJob& job, int p, int q, const float (*cosine)[kPairColumns],
-                         const Choice& choice, PairBlock& block) {
-  const int64_t half = int64_t{job.num_scales} * job.padded * kFeatureSize;
-  alignas(64) float weight[kPairColumns];
+// Writes the weights of the pairs of pixel p with the kPairTile pixels from q on.
+PEPESEG_HD void PairWeights(const PairJob& job, int p, int q, float* weight) {
   const Lanes slope(job.weight_slope * job.pixel_weight[p]), base(job.weight_base);
-  for (int offset = 0; offset < kPairColumns; offset += kLanes) {
+  for (int offset = 0; offset < kPairTile; offset += kLanes) {
     MulAdd(slope, Lanes::Load(job.pixel_weight + q + offset), base).Store(weight + offset);
   }
-  Terms terms;
-  terms.positive_sum = terms.negative_sum = Lanes(0.0f);
+}
+
+// Adds the terms of the chosen pairs of pixel p at all scales to the sums of the block. Writes a
+// word of bits for each scale to positives, and to negatives where the term has a gradient.
+PEPESEG_HD void AddTerms(const PairJob& job, int p, int q, const float (*cosine)[kPairTile],
+                         const Choice& choice, PairBlock& block, uint16_t* positives,
+                         uint16_t* negatives) {
+  alignas(64) float weight[kPairTile];
+  PairWeights(job, p, q, weight);
+  const Lanes zero(0.0f), margin(job.args->negative_margin);
+  Lanes positive_sum = zero, negative_sum = zero;
   int num_positives = 0, num_negatives = 0;
   for (int scale = 0; scale < job.num_scales; ++scale) {
     const uint32_t positive = choice.chosen & choice.agrees[scale];
     const uint32_t negative = choice.chosen & ~choice.agrees[scale];
     num_positives += __builtin_popcount(positive);
     num_negatives += __builtin_popcount(negative);
-    EvaluateTerms(weight, cosine[scale], job.args->negative_margin, positive, negative, terms);
-    float* grad = job.unit_grad + (int64_t{scale} * job.padded + p) * kFeatureSize;
-    AddUnits(positive, terms.positive_grad, UnitOf(job, scale, q), grad);
-    AddUnits(terms.pushes, terms.negative_grad, UnitOf(job, scale, q), grad + half);
+    uint32_t pushes = 0;
+    for (int offset = 0; offset < kPairTile; offset += kLanes) {
+      const Lanes w = Lanes::Load(weight + offset), c = Lanes::Load(cosine[scale] + offset);
+      const LaneMask pull = MaskOf(positive >> offset), push = MaskOf(negative >> offset);
+      positive_sum = positive_sum + Select(pull, PositiveTerm(w, c), zero);
+      negative_sum = negative_sum + Select(push, NegativeTerm(w, c, margin), zero);
+      pushes |= BitsOf(margin < c) << offset;
+    }
+    positives[scale] = static_cast<uint16_t>(positive);
+    negatives[scale] = static_cast<uint16_t>(negative & pushes);
   }
   block.sums[kNumPositives] += num_positives;
   block.sums[kNumNegatives] += num_negatives;
-  block.sums[kPositiveLoss] += static_cast<double>(First(Total(terms.positive_sum)));
-  block.sums[kNegativeLoss] += static_cast<double>(First(Total(terms.negative_sum)));
+  block.sums[kPositiveLoss] += static_cast<double>(First(Total(positive_sum)));
+  block.sums[kNegativeLoss] += static_cast<double>(First(Total(negative_sum)));
+}
+
+// Bits of a tile: [pixel p, positives and negatives by scale], a bit for each q.
+struct TileBits {
+  uint16_t at[kPairTile][2 * kMaxScales];
+};
+
+// Turns words of bits by p into words by q, for `count` kinds of words.
+PEPESEG_HD void Transpose(const TileBits& in, int count, TileBits& out) {
+  const hn::CappedTag<uint16_t, kPairTile> d;
+  constexpr int kStep = HWY_MIN(HWY_LANES(uint16_t), kPairTile);
+  for (int kind = 0; kind < count; ++kind) {
+    alignas(32) uint16_t words[kPairTile];
+    for (int i = 0; i < kPairTile; ++i) words[i] = in.at[i][kind];
+    for (int j = 0; j < kPairTile; ++j) {
+      uint32_t bits = 0;
+      for (int i = 0; i < kPairTile; i += kStep) {
+        const auto bit = hn::Set(d, static_cast<uint16_t>(1u << j));
+        uint8_t bytes[8] = {};
+        hn::StoreMaskBits(d, hn::TestBit(hn::Load(d, words + i), bit), bytes);
+        bits |= static_cast<uint32_t>(bytes[0] | (kStep > 8 ? bytes[1] << 8 : 0)) << i;
+      }
+      out.at[j][kind] = static_cast<uint16_t>(bits);
+    }
+  }
+}
+
+// Chooses the pairs of pixels p and q of a tile, adds their terms, and fills `bits` with those of
+// which q comes after p.
+PEPESEG_HD void ChooseTile(const PairJob& job, int p, int q, PairBlock& block, TileBits& bits) {
+  Cosines cosines;
+  for (int half = 0; half < kPairTile; half += kTileRows) {
+    Correlate(job, p + half, q, cosines);
+    for (int i = 0; i < kTileRows; ++i) {
+      uint16_t* row = bits.at[half + i];
+      const int pixel = p + half + i;
+      Choice choice = {};
+      if (pixel < block.end) choice = Choose(job, pixel, q, cosines.at[i]);
+      if (choice.chosen == 0) {
+        for (int kind = 0; kind < 2 * job.num_scales; ++kind) row[kind] = 0;
+        continue;
+      }
+      AddTerms(job, pixel, q, cosines.at[i], choice, block, row, row + job.num_scales);
+    }
+  }
+}
+
+// Writes the bits of a tile to those of a panel, from pixel p on for tile number `column` of its q.
+PEPESEG_HD void StoreBits(const PairJob& job, const TileBits& bits, uint16_t* panel, int row,
+                          int column, int num_columns) {
+  const int count = 2 * job.num_scales;
+  for (int i = 0; i < kPairTile; ++i) {
+    uint16_t* out = panel + (int64_t{row + i} * num_columns + column) * count;
+    for (int kind = 0; kind < count; ++kind) out[kind] = bits.at[i][kind];
+  }
+}
+
+// Adds weight[j] * unit[j] to sum for each set bit j, in ascending order.
+PEPESEG_HD void AddUnits(uint32_t bits, const float* weight, const float* units,
+                         FeatureLanes& sum) {
+  for (; bits != 0; bits &= bits - 1) {
+    const int j = __builtin_ctz(bits);
+    AddScaled(weight[j], units + j * kFeatureSize, sum);
+  }
+}
+
+// Adds the pairs of pixel p with the pixels from `first` to `end` to its gradients at one scale.
+// `bits` are those of p at this scale.
+PEPESEG_HD void GatherPixel(const PairJob& job, int scale, int p, int first, int end,
+                            const uint16_t* bits) {
+  const int64_t half = int64_t{job.num_scales} * job.padded * kFeatureSize;
+  float* grad = job.unit_grad + (int64_t{scale} * job.padded + p) * kFeatureSize;
+  FeatureLanes positive = LoadFeature(grad), negative = LoadFeature(grad + half);
+  for (int q = first; q < end; q += kPairTile, bits += 2 * job.num_scales) {
+    const uint32_t pulls = bits[0], pushes = bits[job.num_scales];
+    if ((pulls | pushes) == 0) continue;
+    alignas(64) float weight[kPairTile], pull_weight[kPairTile];
+    PairWeights(job, p, q, weight);
+    for (int i = 0; i < kPairTile; i += kLanes) {
+      PositiveTermVjp(Lanes::Load(weight + i)).Store(pull_weight + i);
+    }
+    AddUnits(pulls, pull_weight, UnitOf(job, scale, q), positive);
+    AddUnits(pushes, weight, UnitOf(job, scale, q), negative);
+  }
+  StoreFeature(positive, grad);
+  StoreFeature(negative, grad + half);
 }
 
 PEPESEG_HD FeatureLanes PsiOf(const PairJob& job, int scale) {
@@ -210,25 +273,47 @@ void GatePixels(const PairJob& job, int first, int end) {
       FeatureLanes out;
       GatedUnit(psi.v, feature.v, kVectors, out.v);
       StoreFeature(out, unit);
-      const int column = p % kPairColumns;
+      const int column = p % kPairTile;
       float* by_channel =
           job.unit_by_channel + (int64_t{scale} * job.padded + p - column) * kFeatureSize + column;
-      for (int k = 0; k < kFeatureSize; ++k) by_channel[k * kPairColumns] = unit[k];
+      for (int k = 0; k < kFeatureSize; ++k) by_channel[k * kPairTile] = unit[k];
     }
   }
 }
 
-// Adds all pairs of the block's pixels. Columns are the outer loop, so that a group of pixels q
-// stays in the cache for all p of the block.
-void PairRows(const PairJob& job, PairBlock& block) {
-  Cosines cosines;
-  for (int q = 0; q < job.num_pixels; q += kPairColumns) {
-    for (int p = block.first; p < block.end; p += kTileRows) {
-      Correlate(job, p, q, cosines);
-      for (int i = 0; i < kTileRows && p + i < block.end; ++i) {
-        const Choice choice = Choose(job, p + i, q, cosines.at[i]);
-        if (choice.chosen != 0) AddTerms(job, p + i, q, cosines.at[i], choice, block);
+// Columns are the outer loop, so that a group of pixels q stays in the cache for all p of the
+// block.
+void ChoosePairs(const PairJob& job, const PairPanel& panel, PairBlock& block) {
+  const int num_row_tiles = (panel.end_row - panel.first_row) / kPairTile;
+  const int num_column_tiles = (panel.end_column - panel.first_column) / kPairTile;
+  const int first_column = panel.diagonal() ? block.first : panel.first_column;
+  for (int q = first_column; q < panel.end_column; q += kPairTile) {
+    const int column = (q - panel.first_column) / kPairTile;
+    for (int p = block.first; p < block.first + kPairRows && p <= q; p += kPairTile) {
+      TileBits bits, mirrored;
+      ChooseTile(job, p, q, block, bits);
+      Transpose(bits, 2 * job.num_scales, mirrored);
+      if (p == q) {
+        for (int i = 0; i < kPairTile; ++i) {
+          for (int k = 0; k < 2 * job.num_scales; ++k) bits.at[i][k] |= mirrored.at[i][k];
+        }
+      } else {
+        StoreBits(job, mirrored, panel.mirrored, q - panel.first_column,
+                  (p - panel.first_row) / kPairTile, num_row_tiles);
       }
+      StoreBits(job, bits, panel.bits, p - panel.first_row, column, num_column_tiles);
+    }
+  }
+}
+
+// Scales are the outer loop, so that the unit vectors of one scale stay in the cache.
+void GatherPairs(const PairJob& job, const PairPanel& panel, int first, int end) {
+  const int64_t row_words =
+      int64_t{panel.end_column - panel.first_column} / kPairTile * 2 * job.num_scales;
+  for (int scale = 0; scale < job.num_scales; ++scale) {
+    for (int p = first; p < end; ++p) {
+      GatherPixel(job, scale, p, panel.first_column, Min(panel.end_column, job.num_pixels),
+                  panel.bits + (p - panel.first_row) * row_words + scale);
     }
   }
 }

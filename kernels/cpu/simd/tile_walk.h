@@ -3,32 +3,18 @@
 #include "kernels/cpu/simd/lanes.h"
 #include "kernels/cpu/simd_kernels.h"
 #include "kernels/math/blend.h"
+#include "kernels/math/tile_cover.h"
 
 // The walk over the entries of a tile that all forward blending shares, and the steps of it that
-// the backward pass uses, too. The power of a splat is tested before the exponential, so that
-// blocks that a splat does not reach cost little.
+// the backward pass uses, too. An entry is blended only in the blocks of 4x4 pixels that its
+// ellipse reaches (ReachedBlocks) and that have pixels in play. The power of a splat is tested
+// before the exponential.
 
 namespace pepeseg {
 namespace HWY_NAMESPACE {
 
-inline constexpr int kVectorsPerRow = kTileSize / kLanes;
-// The walks work on a block of two vectors at a time, one below the other (16 lanes) or next to it:
-// two chains of operations that do not wait for each other.
-inline constexpr int kBlockRows = kVectorsPerRow == 1 ? 2 : 1;
-inline constexpr int kBlockColumns = 2 / kBlockRows;  // in vectors
-
-// Scanlines [first, end) of the tile that a splat can reach.
-struct RowRange {
-  int first, end;
-};
-PEPESEG_HD RowRange RowsInReach(const Splat& s, float tile_y) {
-  const float center = s.y - tile_y - 0.5f;
-  // Clamped to just outside the tile before the conversion to int: the values may be huge.
-  const float first = Min(Max(center - s.half_height, -0.5f), 16.0f);
-  const float end = Min(Max(center + s.half_height, -1.0f), 15.0f);
-  const int first_row = static_cast<int>(first);
-  return {first_row + (static_cast<float>(first_row) < first), static_cast<int>(end + 1.0f)};
-}
+inline constexpr int kBlockVectors = kBlockPixels / kLanes;
+inline constexpr int kBlocksPerRow = kTileSize / kBlockSize;
 
 // The splats of a tile are scattered in memory, so each is prefetched some entries ahead. A splat
 // may span two cache lines.
@@ -40,116 +26,235 @@ PEPESEG_HD void PrefetchSplat(const TileSplats& tile, int32_t k) {
   __builtin_prefetch(splat + sizeof(Splat) - 1);
 }
 
-// A splat prepared for the loop over the pixels of a tile.
-struct WalkedSplat {
-  PowerRoot<float> root;
-  Lanes root_xx, min_power, opacity;
-  Lanes dx[kVectorsPerRow];  // offsets of the pixel columns from the mean, pixels
+// Returns the lanes' numbers modulo and divided by kBlockSize.
+PEPESEG_HD Lanes LaneColumns() {
+  float columns[kLanes];
+  for (int i = 0; i < kLanes; ++i) columns[i] = static_cast<float>(i % kBlockSize);
+  return Lanes::Load(columns);
+}
+PEPESEG_HD Lanes LaneRows() {
+  float rows[kLanes];
+  for (int i = 0; i < kLanes; ++i) rows[i] = static_cast<float>(i / kBlockSize);
+  return Lanes::Load(rows);
+}
+
+// A row of a block: four pixels.
+using BlockRowTag = hn::CappedTag<float, kBlockSize>;
+// Loads the first `count` pixels of a row of a block; those beyond are 0.
+PEPESEG_HD hn::Vec<BlockRowTag> LoadBlockRow(const float* p, int count) {
+  if (HWY_LIKELY(count >= kBlockSize)) return hn::LoadU(BlockRowTag(), p);
+  float values[kBlockSize] = {};
+  for (int i = 0; i < count; ++i) values[i] = p[i];
+  return hn::LoadU(BlockRowTag(), values);
+}
+PEPESEG_HD hn::Vec<BlockRowTag> LoadBlockRow(const int32_t* p, int count) {
+  const hn::RebindToSigned<BlockRowTag> d;
+  if (HWY_LIKELY(count >= kBlockSize)) return hn::ConvertTo(BlockRowTag(), hn::LoadU(d, p));
+  int32_t values[kBlockSize] = {};
+  for (int i = 0; i < count; ++i) values[i] = p[i];
+  return hn::ConvertTo(BlockRowTag(), hn::LoadU(d, values));
+}
+// Stores the first `count` pixels of a row of a block.
+PEPESEG_HD void StoreBlockRow(hn::Vec<BlockRowTag> row, float* p, int count) {
+  if (HWY_LIKELY(count >= kBlockSize)) return hn::StoreU(row, BlockRowTag(), p);
+  float values[kBlockSize];
+  hn::StoreU(row, BlockRowTag(), values);
+  for (int i = 0; i < count; ++i) p[i] = values[i];
+}
+
+// Image coordinates of the pixel centres of a tile.
+struct TileCenters {
+  Lanes x[kBlocksPerRow];                  // by column of blocks
+  Lanes y[kBlocksPerRow * kBlockVectors];  // by row of blocks and vector of a block
 };
-PEPESEG_HD WalkedSplat PrepareSplat(const Splat& s, float tile_x) {
-  WalkedSplat out;
-  out.root = {s.root_xx, s.root_xy, s.root_yy};
-  out.root_xx = Lanes(s.root_xx);
-  out.min_power = Lanes(s.min_power);
-  out.opacity = Lanes(s.opacity);
-  for (int i = 0; i < kVectorsPerRow; ++i) {
-    out.dx[i] = Ramp(tile_x + 0.5f + static_cast<float>(i * kLanes)) - Lanes(s.x);
+PEPESEG_HD TileCenters CentersOf(const TileSplats& tile) {
+  constexpr int kVectorRows = kBlockSize / kBlockVectors;
+  TileCenters out;
+  for (int i = 0; i < kBlocksPerRow; ++i) {
+    out.x[i] = Lanes(tile.x + 0.5f + static_cast<float>(i * kBlockSize)) + LaneColumns();
+  }
+  for (int i = 0; i < kBlocksPerRow * kBlockVectors; ++i) {
+    out.y[i] = Lanes(tile.y + 0.5f + static_cast<float>(i * kVectorRows)) + LaneRows();
   }
   return out;
 }
 
-// A block: vector b = 0 is in scanline `row` at vector `column`, vector 1 below or next to it.
-struct Block {
-  int row, column;
-
-  PEPESEG_HD int RowOf(int b) const { return row + (kBlockRows == 2 ? b : 0); }
-  PEPESEG_HD int ColumnOf(int b) const { return column + (kBlockRows == 2 ? 0 : b); }
-  PEPESEG_HD int PixelOf(int b) const { return RowOf(b) * kTileSize + ColumnOf(b) * kLanes; }
+// A splat prepared for the loop over the blocks of a tile.
+struct WalkedSplat {
+  PowerRoot<Lanes> root;
+  Lanes x, y, min_power, opacity;
 };
-// The power of a splat (math/blend.h) at offsets (dx, dy) from its mean.
-PEPESEG_HD Lanes PowerOf(const WalkedSplat& s, float dy, Lanes dx) {
-  const PowerRow<float> row = PowerAtRow(s.root, dy);
-  return Power(s.root_xx, PowerRow<Lanes>{Lanes(row.shift), Lanes(row.drop)}, dx);
+PEPESEG_HD WalkedSplat PrepareSplat(const Splat& s) {
+  return {{Lanes(s.root_xx), Lanes(s.root_xy), Lanes(s.root_yy)},
+          Lanes(s.x),
+          Lanes(s.y),
+          Lanes(s.min_power),
+          Lanes(s.opacity)};
 }
 
-// The pixels that a walk visits, as whole blocks.
-struct WalkWindow {
-  int first_row, end_row;
-  int first_column, end_column;  // in vectors
+// Offsets of the pixels of one vector of a block from the mean of a splat.
+struct Offsets {
+  Lanes dx, dy;
 };
-inline constexpr WalkWindow kWholeTile = {0, kTileSize, 0, kVectorsPerRow};
+PEPESEG_HD Offsets OffsetsOf(const WalkedSplat& s, const TileCenters& centers, int block,
+                             int vector) {
+  return {centers.x[block % kBlocksPerRow] - s.x,
+          centers.y[block / kBlocksPerRow * kBlockVectors + vector] - s.y};
+}
+PEPESEG_HD Lanes PowerOf(const WalkedSplat& s, const Offsets& at) {
+  return Power(s.root.xx, PowerAtRow(s.root, at.dy), at.dx);
+}
 
-// True while any pixel of the window is in play, with a transmittance above 0.
-PEPESEG_HD bool AnyLivePixel(const WalkWindow& window, const float* transmittance) {
-  Lanes most(0.0f);
-  for (int y = window.first_row; y < window.end_row; ++y) {
-    for (int i = window.first_column; i < window.end_column; ++i) {
-      most = Max(most, Lanes::Load(transmittance + y * kTileSize + i * kLanes));
+// The blocks that the ellipse of a splat reaches. A row of blocks is a band of scanlines, and the
+// part of an ellipse within a band is convex: the block is reached if its left and its right edge
+// are on the right side of the rightmost and leftmost point of that part (CoverOfBand of
+// math/tile_cover.h, with all lengths times root_xx, so that nothing is divided). Vectors of four
+// have one lane for each row of blocks.
+class BlockReach {
+ public:
+  PEPESEG_HD explicit BlockReach(const TileSplats& tile) {
+    const Rows rows;
+    const float size = kBlockSize;
+    top_ = hn::MulAdd(hn::Iota(rows, 0.0f), hn::Set(rows, size),
+                      hn::Set(rows, tile.y + 0.5f - kSlack));
+    left_ = MulAdd(LaneColumns(), Lanes(size), Lanes(tile.x + 0.5f - kSlack));
+  }
+
+  // Returns a bit for each block. A bit may be set for a block that is missed by less than
+  // kSlack, and is never 0 for one with a pixel whose power is at least min_power.
+  PEPESEG_HD uint32_t Of(const Splat& s) const {
+    const Rows rows;
+    const auto height = hn::Set(rows, s.half_height), zero = hn::Zero(rows);
+    const auto top = hn::Sub(top_, hn::Set(rows, s.y));
+    const auto first = hn::Max(top, hn::Neg(height));
+    const auto last = hn::Min(hn::Add(top, hn::Set(rows, kSpan)), height);
+    // The y of the rightmost point of the ellipse; the leftmost is opposite.
+    const auto norm2 = hn::Set(rows, s.root_xy * s.root_xy + s.root_yy * s.root_yy);
+    const auto rightmost =
+        hn::Mul(hn::Set(rows, -s.half_height * s.root_xy), hn::ApproximateReciprocalSqrt(norm2));
+    const auto right_dy = hn::Min(hn::Max(rightmost, first), last);
+    const auto left_dy = hn::Min(hn::Max(hn::Neg(rightmost), first), last);
+    const auto root_xy = hn::Set(rows, s.root_xy), root_yy = hn::Set(rows, s.root_yy);
+    const auto reach2 = hn::Set(rows, -kExtentSlack * s.min_power);
+    const auto right_v = hn::Mul(root_yy, right_dy), left_v = hn::Mul(root_yy, left_dy);
+    const auto right_u = hn::Sqrt(hn::Max(zero, hn::NegMulAdd(right_v, right_v, reach2)));
+    const auto left_u = hn::Sqrt(hn::Max(zero, hn::NegMulAdd(left_v, left_v, reach2)));
+    // A row of blocks that the ellipse misses is to the left of everything.
+    const auto right = hn::IfThenElse(
+        hn::Le(first, last), hn::NegMulAdd(root_xy, right_dy, right_u), hn::Set(rows, -INFINITY));
+    const auto left = hn::MulAdd(root_xy, left_dy, left_u);
+    const Lanes root_xx(s.root_xx);
+    const Lanes block_left = root_xx * (left_ - Lanes(s.x));
+    const Lanes block_right = MulAdd(root_xx, Lanes(kSpan), block_left);
+    uint32_t blocks = 0;
+    for (int i = 0; i < kTileBlocks / kLanes; ++i) {
+      const LaneMask reached =
+          (block_left <= SpreadRows(right, i)) & (Lanes(0.0f) <= block_right + SpreadRows(left, i));
+      blocks |= BitsOf(reached) << (i * kLanes);
     }
+    return blocks;
+  }
+
+ private:
+  using Rows = BlockRowTag;  // as many rows in a tile as pixels in a row of a block
+  // Pixels by which a block is enlarged on all sides, so that rounding loses no pixel.
+  static constexpr float kSlack = 1.0f / 64;
+  static constexpr float kSpan = kBlockSize - 1 + 2 * kSlack;
+
+  // Lane k gets the value of the row of blocks that block `first_vector` * kLanes + k is in.
+  static PEPESEG_HD Lanes SpreadRows(hn::Vec<Rows> rows, int first_vector) {
+    const FloatTag d;
+    int32_t row[kLanes];
+    for (int i = 0; i < kLanes; ++i) row[i] = (first_vector * kLanes + i) / kBlocksPerRow;
+    alignas(16) float values[kBlocksPerRow];
+    hn::Store(rows, Rows(), values);
+    return Lanes(hn::TableLookupLanes(hn::LoadDup128(d, values), hn::SetTableIndices(d, row)));
+  }
+
+  hn::Vec<Rows> top_;  // the first scanline of each row of blocks
+  Lanes left_;         // the first column of the blocks of a vector
+};
+
+// Returns whether any pixel of a block is in play, with a transmittance above 0.
+PEPESEG_HD bool AnyLivePixel(const float* transmittance, int block) {
+  Lanes most(0.0f);
+  for (int i = 0; i < kBlockPixels; i += kLanes) {
+    most = Max(most, Lanes::Load(transmittance + block * kBlockPixels + i));
   }
   return !None(Lanes(0.0f) < most);
 }
-
-// Blends one entry at the two vectors of a block. Returns a bit for each scanline with pixels that
-// stop at this entry.
-template <class Visit>
-PEPESEG_HD uint32_t BlendBlock(const WalkedSplat& s, const Block& block, const float* dy,
-                               float* transmittance, Visit&& visit) {
-  Lanes power[2], before[2];
-  LaneMask hit[2];
-  for (int b = 0; b < 2; ++b) {
-    power[b] = PowerOf(s, dy[b], s.dx[block.ColumnOf(b)]);
-    before[b] = Lanes::Load(transmittance + block.PixelOf(b));
-    hit[b] = (s.min_power <= power[b]) & (Lanes(0.0f) < before[b]);
+PEPESEG_HD uint32_t LiveBlocks(const float* transmittance) {
+  uint32_t live = 0;
+  for (int block = 0; block < kTileBlocks; ++block) {
+    live |= static_cast<uint32_t>(AnyLivePixel(transmittance, block)) << block;
   }
-  if (None(hit[0] | hit[1])) return 0;
-  Lanes alpha[2];
-  for (int b = 0; b < 2; ++b) alpha[b] = Alpha(s.opacity, Exp2(power[b]));
-  uint32_t stop_rows = 0;
-  for (int b = 0; b < 2; ++b) {
-    const Blended<Lanes> step = BlendStep(alpha[b], before[b]);
-    const LaneMask stops = hit[b] & (step.transmittance < Lanes(kMinTransmittance));
-    const LaneMask live = AndNot(stops, hit[b]);
-    stop_rows |= static_cast<uint32_t>(!None(stops)) << block.RowOf(b);
-    const Lanes kept = Select(stops, Lanes(0.0f) - before[b], before[b]);
-    Select(live, step.transmittance, kept).Store(transmittance + block.PixelOf(b));
-    visit(block.PixelOf(b), live, Select(live, step.weight, Lanes(0.0f)));
-  }
-  return stop_rows;
+  return live;
 }
 
-// Blends front to back until all pixels of the window have stopped. Calls visit(k, pixel, live,
-// weight) for vectors of pixels that entry k hits, where `pixel` is the index of the first of them
-// in the tile and weight = alpha_k T_k, 0 where not live. Then calls stop(k, rows) with a bit for
-// each scanline in which pixels stopped before entry k.
+// Blends one entry at the vector of pixels that starts at `pixel`. Sets the bit of the block in
+// `blended` if a pixel has blended it, and in `stopped` if a pixel has stopped before it.
+template <class Visit>
+PEPESEG_HD void BlendVector(const WalkedSplat& s, const Offsets& at, float* transmittance,
+                            int pixel, uint32_t& blended, uint32_t& stopped, Visit&& visit) {
+  const uint32_t block_bit = 1u << (pixel / kBlockPixels);
+  const Lanes power = PowerOf(s, at);
+  Lanes before = Lanes::Load(transmittance + pixel);
+  LaneMask live = (s.min_power <= power) & (Lanes(0.0f) < before);
+  if (None(live)) return;
+  const Blended<Lanes> step = BlendStep(Alpha(s.opacity, Exp2(power)), before);
+  const LaneMask stops = live & (step.transmittance < Lanes(kMinTransmittance));
+  if (HWY_UNLIKELY(!None(stops))) {
+    stopped |= block_bit;
+    live = AndNot(stops, live);
+    before = Select(stops, Lanes(0.0f) - before, before);
+  }
+  blended |= block_bit;
+  Select(live, step.transmittance, before).Store(transmittance + pixel);
+  visit(pixel, live, Select(live, step.weight, Lanes(0.0f)));
+}
+
+// Number of entries whose blocks are found together, ahead of their use: each takes a long chain of
+// operations, and the chains of several entries overlap.
+inline constexpr int32_t kReachBatch = 16;
+
+// Blends front to back until all pixels have stopped. Calls visit(k, pixel, live, weight) for
+// vectors of pixels that entry k hits, where `pixel` is the index of the first of them in the tile
+// and weight = alpha_k T_k, 0 where not live. Then calls done(k, blended, stopped) with a bit for
+// each block in which the entry was blended, and for each in which pixels stopped before it.
 //
 // `transmittance`, [kTilePixels], is in and out. A value of 0 or less marks a pixel out of play: a
-// pixel that has stopped keeps its transmittance with a negative sign.
-template <class Visit, class Stop>
-PEPESEG_HD void WalkTile(const TileSplats& tile, const WalkWindow& window, float* transmittance,
-                         Visit&& visit, Stop&& stop) {
-  bool any_live = AnyLivePixel(window, transmittance);
-  for (int32_t k = 0; k < tile.count && any_live; ++k) {
-    PrefetchSplat(tile, k + kPrefetchAhead);
-    const Splat& splat = tile.splats[tile.entries[k]];
-    const RowRange reach = RowsInReach(splat, tile.y);
-    const WalkedSplat s = PrepareSplat(splat, tile.x);
-    const int end = Min(reach.end, window.end_row);
-    const float y_offset = tile.y + 0.5f - splat.y;
-    uint32_t stop_rows = 0;
-    for (int y = Max(reach.first & -kBlockRows, window.first_row); y < end; y += kBlockRows) {
-      const float dy[2] = {y_offset + static_cast<float>(y),
-                           y_offset + static_cast<float>(y + kBlockRows - 1)};
-      for (int i = window.first_column; i < window.end_column; i += kBlockColumns) {
-        stop_rows |= BlendBlock(
-            s, {y, i}, dy, transmittance,
-            [&](int pixel, LaneMask live, Lanes weight)
-                __attribute__((always_inline)) { visit(k, pixel, live, weight); });
+// pixel that has stopped keeps its transmittance with a negative sign. Returns the number of
+// entries that any pixel has seen.
+template <class Visit, class Done>
+PEPESEG_HD void WalkTile(const TileSplats& tile, float* transmittance, Visit&& visit, Done&& done) {
+  const BlockReach reach(tile);
+  const TileCenters centers = CentersOf(tile);
+  uint32_t live_blocks = LiveBlocks(transmittance);
+  uint32_t reached[kReachBatch];
+  for (int32_t k = 0; k < tile.count && live_blocks != 0; ++k) {
+    if (k % kReachBatch == 0) {
+      for (int32_t i = 0; i < Min(kReachBatch, tile.count - k); ++i) {
+        PrefetchSplat(tile, k + i + kPrefetchAhead);
+        reached[i] = reach.Of(tile.splats[tile.entries[k + i]]);
       }
     }
-    if (HWY_UNLIKELY(stop_rows != 0)) {
-      stop(k, stop_rows);
-      any_live = AnyLivePixel(window, transmittance);
+    const WalkedSplat s = PrepareSplat(tile.splats[tile.entries[k]]);
+    uint32_t blended = 0, stopped = 0;
+    for (uint32_t bits = reached[k % kReachBatch] & live_blocks; bits != 0; bits &= bits - 1) {
+      const int block = __builtin_ctz(bits);
+      for (int i = 0; i < kBlockVectors; ++i) {
+        BlendVector(
+            s, OffsetsOf(s, centers, block, i), transmittance, block * kBlockPixels + i * kLanes,
+            blended,
+            stopped, [&](int pixel, LaneMask live, Lanes weight) __attribute__((always_inline)) {
+              visit(k, pixel, live, weight);
+            });
+      }
+    }
+    done(k, blended, stopped);
+    for (; HWY_UNLIKELY(stopped != 0); stopped &= stopped - 1) {
+      const int block = __builtin_ctz(stopped);
+      live_blocks &= ~(static_cast<uint32_t>(!AnyLivePixel(transmittance, block)) << block);
     }
   }
 }
