@@ -227,8 +227,15 @@ void ListTileEntries(Backend& backend, RenderScratch& scratch) {
 
   const uint64_t* order = SortByDepth(backend, scratch);
   if (order == nullptr) return;
+  const auto visible_at = [&](int64_t i) { return static_cast<int32_t>(order[i] & 0xffffffffu); };
   for (int64_t i = 0; i < num_visible; ++i) {
-    const auto visible = static_cast<int32_t>(order[i] & 0xffffffffu);
+    // In the order of depth, runs are scattered in memory.
+    if (i + 16 < num_visible) {
+      __builtin_prefetch(first_run + visible_at(i + 16));
+      __builtin_prefetch(first_slot + visible_at(i + 16));
+      __builtin_prefetch(runs + first_run[visible_at(i + 8)]);
+    }
+    const int32_t visible = visible_at(i);
     // Slots of a splat follow its runs, so their order does not depend on depth.
     int32_t slot = first_slot[visible];
     for (int32_t r = first_run[visible]; r < first_run[visible + 1]; ++r) {
