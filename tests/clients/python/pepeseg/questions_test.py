@@ -65,7 +65,10 @@ class TestSegment:
     def test_a_point_corrects_a_previous_mask(self, client):
         every = np.ones((480, 640))
         less = client.segment(VIEW, points=[], negative=[280, 280], previous_mask=every).mask
-        assert less[280, 440] and not less[280, 280]
+        wrong = client.segment(VIEW, points=[[280, 280]]).mask
+        assert wrong[280, 280] and not less[280, 280]
+        assert np.logical_and(less, wrong).sum() < 0.1 * wrong.sum()
+        assert less.any()
         one = client.segment(VIEW, points=POINT)
         again = client.segment(VIEW, points=POINT + POINT, previous_mask=one.mask, sam_clicks=False)
         assert iou(again.mask, one.mask) > 0.97
