@@ -33,9 +33,7 @@ struct EntityScores {
   std::vector<int64_t> num_pixels;   // [scored] pixels of the entity
   std::optional<PointPrompt> click;  // of a DeepestClick, pixels of the reference view
   bool missing = false;              // nothing was found under the prompt: all scores are 0
-  // Has the best mean IoU of the scored views themselves, before borders are refined: a bound, but
-  // for what the refinement changes.
-  ChoiceScores paper;
+  ChoiceScores paper;  // has the best mean IoU of the scored views themselves: a bound
   // Chosen by the IoU in the reference view, see ReferenceRule. Absent if nothing is known there
   // (ReferenceTruthOf).
   std::optional<ChoiceScores> reference_choice;
