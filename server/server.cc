@@ -256,8 +256,7 @@ absl::Status Server::Parts::MakeServices(const ServerOptions& options) {
   const TrainingDevice smallest = SmallestDevice(options, devices);
   tools.device_memory = smallest.memory_bytes;
   jobs = std::make_unique<JobServiceRpc>(
-      *runner, JobServiceRpc::Dependencies{
-                   *store, *blobs, *supervisor, {smallest.backend, smallest.memory_bytes, tools}});
+      *runner, JobServiceRpc::Dependencies{*store, *blobs, *supervisor, {smallest.backend, tools}});
   ASSIGN_OR_RETURN(wordnet, FindWordNet(options));
   MakeQueryServices(tools.num_threads);
   if (!options.admin.empty()) {

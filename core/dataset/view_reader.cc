@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <atomic>
 #include <limits>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/file_name.h"
+#include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/photo_file.h"
 #include "kernels/thread_pool.h"
@@ -52,10 +52,8 @@ absl::StatusOr<ViewPriors> ReadPriors(const View& view, const CameraPixels& pixe
 
 int NumReaders(int64_t max_pixels, int num_threads) {
   constexpr int64_t kMostPixels = 128'000'000;  // decoded at once
-  const int64_t threads =
-      num_threads > 0 ? num_threads : std::max(1U, std::thread::hardware_concurrency());
-  return static_cast<int>(
-      std::clamp<int64_t>(kMostPixels / std::max<int64_t>(1, max_pixels), 1, threads));
+  return static_cast<int>(std::clamp<int64_t>(kMostPixels / std::max<int64_t>(1, max_pixels), 1,
+                                              NumThreads(num_threads)));
 }
 
 absl::Status ReadEach(size_t count, int num_readers,

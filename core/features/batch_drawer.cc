@@ -108,8 +108,7 @@ BatchDrawer::BatchDrawer(const FeatureField& field, const std::vector<DrawableVi
   const auto most = static_cast<size_t>(options.views_per_chunk);
   if (most == 0 || views.size() <= most) return;
   num_subsets_ = static_cast<int>((views.size() + most - 1) / most);
-  const size_t size = (views.size() + num_subsets_ - 1) / num_subsets_;
-  subset_steps_ = size * std::max<size_t>(1, options.steps_per_chunk / size);
+  subset_steps_ = SubsetSize() * std::max<size_t>(1, options.steps_per_chunk / SubsetSize());
 }
 
 // All subsets have the same number of steps, which says where in views_left_ one ends. Where the
@@ -121,10 +120,9 @@ void BatchDrawer::BeginRound() {
   for (size_t left = subsets.size(); left > 1; --left) {
     std::swap(subsets[DrawIndex(left, random_)], subsets[left - 1]);
   }
-  const size_t size = (views_.size() + num_subsets_ - 1) / num_subsets_;
   for (const int subset : subsets) {
     for (size_t step = 0; step < subset_steps_; ++step) {
-      const size_t view = subset + (step % size) * num_subsets_;
+      const size_t view = subset + (step % SubsetSize()) * num_subsets_;
       views_left_.push_back(static_cast<int>(view % views_.size()));
     }
   }

@@ -95,7 +95,9 @@ class BatchDrawer {
   using Random = std::mt19937_64;
 
   void BeginRound();
-  // Returns the number of views left of the subset that steps are drawn from.
+  // Returns the number of views of a subset.
+  size_t SubsetSize() const { return (views_.size() + num_subsets_ - 1) / num_subsets_; }
+  // Returns the number of steps left of the subset that steps are drawn from.
   size_t NumLeftOfSubset() const { return (views_left_.size() - 1) % subset_steps_ + 1; }
   // Returns num_scales scales, scene units.
   std::vector<float> DrawScales(const DrawableView& view, int step, Random& random) const;

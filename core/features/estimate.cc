@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/features/feature_optimizer.h"
+#include "core/features/gaussian_coverage.h"
 #include "core/render/renderer.h"
 #include "kernels/buffer.h"
 
@@ -64,7 +65,7 @@ int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const Featur
   // Pixel, weight and mask cell of a sample, and its share of the labels.
   constexpr int64_t kSample = 64;
   // Rows of uncovered pixels, see FindUncovered.
-  constexpr int64_t kRows = int64_t{128} << 20;
+  constexpr int64_t kRows = kMaxKeptEntries * int64_t{sizeof(int32_t) + sizeof(float)};
   return scratch.num_gaussians * gaussian + SamplesInChunk(options) * kSample + kRows;
 }
 

@@ -57,10 +57,6 @@ class Coverage {
   std::vector<float> covered_, seen_;  // [num_gaussians] sums of blend weights
 };
 
-// Rows of uncovered pixels that are kept between the passes over the views; others are rendered
-// twice.
-constexpr size_t kMaxKeptEntries = 16'000'000;
-
 // Returns the rows of these numbers.
 PixelRows RowsOf(const PixelRows& rows, std::span<const size_t> numbers) {
   PixelRows chosen;
@@ -138,10 +134,10 @@ std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
   behind.Wait();
   std::vector<UncoveredPixels> found(capture.views.size());
   for (size_t v = 0; v < capture.views.size(); ++v) {
-    const UncoveredGrid& grid = uncovered[v];
+    UncoveredGrid& grid = uncovered[v];
     if (grid.pixels.empty()) continue;
     const PixelRows rows =
-        grid.rows ? *grid.rows : ToHost(scene.Rows(capture.views[v], grid.pixels));
+        grid.rows ? *std::move(grid.rows) : ToHost(scene.Rows(capture.views[v], grid.pixels));
     for (size_t i = 0; i < rows.num_rows(); ++i) {
       const std::optional<double> covered = coverage.OfRow(rows, i);
       if (!covered) continue;

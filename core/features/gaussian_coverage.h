@@ -20,6 +20,10 @@ struct UncoveredPixels {
   std::vector<int32_t> covered_elsewhere;  // the other uncovered pixels
 };
 
+// Most entries of blend rows, of a Gaussian and a weight each, that FindUncovered keeps between its
+// two passes over the views. Views beyond are rendered twice.
+inline constexpr int64_t kMaxKeptEntries = 16'000'000;
+
 // Returns the uncovered pixels by view of the capture, on a grid of up to about 16,384 pixels of
 // each view (METHOD.md section 3, "Samples"). Ignored pixels and pixels with an alpha of at most
 // 0.5 are left out, as are held-out views and views without masks. masks: the masks that each view

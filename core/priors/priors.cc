@@ -8,21 +8,13 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/priors/embedded_depth.h"
 #include "core/priors/embedded_masks.h"
 #include "core/scene/capture.h"
 
 namespace pepeseg {
-namespace {
-
-int NumThreads(int num_threads, size_t num_views) {
-  const size_t wanted =
-      num_threads > 0 ? static_cast<size_t>(num_threads) : std::thread::hardware_concurrency();
-  return static_cast<int>(std::clamp<size_t>(wanted, 1, std::max<size_t>(1, num_views)));
-}
-
-}  // namespace
 
 bool AsksForSam(PriorMaker maker) {
   return maker == PriorMaker::kSam || maker == PriorMaker::kSamAndEmbedded;
@@ -49,19 +41,24 @@ void VisitOptions(PriorOptions& o, OptionVisitor visit) {
 absl::Status Validate(const PriorOptions& options) { return CheckOptions(options); }
 
 EmbeddingTask::EmbeddingTask(const EmbeddedPriors& what, int num_threads, const Capture& capture)
-    : what_(what), capture_(capture) {
+    : what_(what), capture_(capture), opencv_threads_(cv::getNumThreads()) {
   // Views are processed in parallel, so that threads of OpenCV would only compete with these.
   cv::setNumThreads(1);
   for (size_t i = 0; i < capture.views.size(); ++i) {
     if (!capture.views[i].held_out) views_.push_back(i);
   }
   made_.resize(views_.size());
-  for (int i = 0; i < NumThreads(num_threads, views_.size()); ++i) {
+  const size_t most = std::min(views_.size(), static_cast<size_t>(NumThreads(num_threads)));
+  for (size_t i = 0; i < most; ++i) {
     threads_.emplace_back([this] { Work(); });
   }
 }
 
-EmbeddingTask::~EmbeddingTask() { stop_.request_stop(); }
+EmbeddingTask::~EmbeddingTask() {
+  stop_.request_stop();
+  threads_.clear();
+  cv::setNumThreads(opencv_threads_);
+}
 
 void EmbeddingTask::Work() {
   while (!stop_.stop_requested()) {

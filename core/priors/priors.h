@@ -66,7 +66,6 @@ class EmbeddingTask {
   EmbeddingTask(const EmbeddingTask&) = delete;
   EmbeddingTask& operator=(const EmbeddingTask&) = delete;
 
-  const EmbeddedPriors& what() const { return what_; }
   // Waits for the priors and gives them to the views of `capture`, which is the one of the
   // constructor. Calls `progress` on the caller's thread for each view, and several times a second;
   // an error that it returns ends the call with that error, and no view gets a prior. To be called
@@ -85,6 +84,7 @@ class EmbeddingTask {
 
   const EmbeddedPriors what_;
   const Capture& capture_;
+  const int opencv_threads_;   // of OpenCV before the task, which restricts it to one
   std::vector<size_t> views_;  // the training views, by index in the capture
   std::vector<Made> made_;     // by position in views_
   std::stop_source stop_;

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <map>
-#include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/num_threads.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/dataset_index.h"
 
@@ -75,10 +75,7 @@ void PriorStage::StartEmbedding(const TrainingScene& scene) {
   const EmbeddedPriors what = Embedded(Asked(scene));
   if (!what.masks && !what.depth) return;
   // One core is left to the thread that keeps the device busy.
-  const int num_cores = inputs_.tools.num_threads > 0
-                            ? inputs_.tools.num_threads
-                            : static_cast<int>(std::thread::hardware_concurrency());
-  embedding_.emplace(what, std::max(1, num_cores - 1), scene.capture);
+  embedding_.emplace(what, std::max(1, NumThreads(inputs_.tools.num_threads) - 1), scene.capture);
 }
 
 // Returns what is to be made. Uploaded priors always win: only what the dataset lacks is made.

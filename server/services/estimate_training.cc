@@ -229,7 +229,7 @@ absl::StatusOr<TrainingEstimator::Estimated> TrainingEstimator::EstimateAll(
     const int64_t need = stage.device_bytes() + (one_memory ? stage.host_bytes() : 0);
     response.set_need_bytes(std::max(response.need_bytes(), need));
   }
-  response.set_have_bytes(machine_.device_memory);
+  response.set_have_bytes(machine_.tools.device_memory);
   response.set_num_views(dataset.training.num_views);
   response.set_max_pixels(dataset.training.max_pixels);
   response.set_num_points(dataset.training.num_points);

@@ -45,7 +45,6 @@ class TrainingEstimator {
   // Where trainings run.
   struct Machine {
     Backend& backend;
-    int64_t device_memory;  // bytes of the device's memory that a training may take
     EstimateTools tools;
   };
   // All must outlive it.

@@ -1,6 +1,7 @@
 #include "core/train/settings/stage_plan.h"
 
 #include <algorithm>
+#include <initializer_list>
 #include <utility>
 
 #include "core/dataset/import.h"
@@ -113,21 +114,26 @@ class Planner {
     if (expected.by_command) stages_.back().seconds.reset();
   }
 
-  // What the built-in methods have still to do when the stage starts: while a GPU computes stage
-  // one they have the cores.
+  // Returns the time of the stages planned so far, but those in `without`, if a GPU computes them:
+  // they leave the cores to work on masks.
+  double Meanwhile(std::initializer_list<Stage> without) const {
+    double seconds = 0;
+    for (const PlannedStage& stage : stages_) {
+      const bool counts = std::ranges::find(without, stage.stage) == without.end();
+      if (facts_.on_device && counts) seconds += stage.seconds.value_or(0);
+    }
+    return seconds;
+  }
+
+  // Returns the time that the built-in methods need when the stage starts. They begin with stage
+  // one.
   double SecondsOfBuiltIn(const ExpectedPriors& expected) const {
     const double pixels = photos_ * facts_.megapixels;
     const double seconds = pixels *
                            ((expected.built_in_masks ? kEmbeddedMasks : 0) +
                             (expected.built_in_depth ? kEmbeddedDepth : 0)) /
                            Threads();
-    double meanwhile = 0;
-    for (const PlannedStage& stage : stages_) {
-      const bool leaves_cores =
-          stage.stage == Stage::kReconstruct || stage.stage == Stage::kEvaluate;
-      if (facts_.on_device && leaves_cores) meanwhile += stage.seconds.value_or(0);
-    }
-    return std::max(0.0, seconds - meanwhile);
+    return std::max(0.0, seconds - Meanwhile({Stage::kPrepare, Stage::kSfm}));
   }
 
   // What SAM has still to do when its stage starts. Before that it has what other stages leave of
@@ -137,12 +143,7 @@ class Planner {
     if (!expected.by_sam) return 0;
     const double photograph = SamSeconds(std::max(1, facts_.num_threads), facts_.on_device);
     if (facts_.num_to_segment) return static_cast<double>(*facts_.num_to_segment) * photograph;
-    double meanwhile = 0;
-    for (const PlannedStage& stage : stages_) {
-      if (facts_.on_device && stage.stage != Stage::kPrepare)
-        meanwhile += stage.seconds.value_or(0);
-    }
-    return std::max(0.0, photos_ * photograph - meanwhile);
+    return std::max(0.0, photos_ * photograph - Meanwhile({Stage::kPrepare}));
   }
 
   // The first steps train on photographs at a quarter, then at half of their width and height: see
