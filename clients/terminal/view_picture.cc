@@ -28,9 +28,8 @@ v1::RenderViewRequest RequestOf(const std::string& model, const std::string& vie
 absl::StatusOr<v1::RenderViewResponse> RenderOverlay(const Client& client, const std::string& model,
                                                      const Overlay& overlay) {
   v1::RenderViewRequest request = RequestOf(model, overlay.mask.view(), overlay.frame);
-  ASSIGN_OR_RETURN(const Mask mask, DecodeRle(overlay.mask.rle()));
   // An empty mask is refused as an overlay.
-  if (std::find(mask.begin(), mask.end(), 1) != mask.end()) {
+  if (overlay.mask.area() > 0) {
     *request.mutable_overlay_mask()->mutable_rle() = overlay.mask.rle();
   }
   return client.Render(request);
