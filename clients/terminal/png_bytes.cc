@@ -57,7 +57,7 @@ std::vector<uint8_t> Filtered(int height, int channels, std::span<const uint8_t>
   return filtered;
 }
 
-// Appends the compressed bytes. False: there is no memory.
+// Appends the compressed bytes. Returns false if memory is short.
 bool AppendCompressed(std::span<const uint8_t> bytes, std::string& png) {
   const Compressor compressor(libdeflate_alloc_compressor(kLevel), libdeflate_free_compressor);
   if (compressor == nullptr) return false;

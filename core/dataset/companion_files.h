@@ -59,7 +59,7 @@ class CompanionFiles {
   // Return what the photograph `stem` (its name below images/ without suffix) has: its masks, the
   // pixels that its ignore masks exclude ([height, width], 1), and its depth map with NaN where
   // depth is unknown. Empty: it has none. They add to `notes` the masks with soft borders or void
-  // pixels, and the files that were turned; null: nobody asks. Errors as ReadMasks, ReadIgnoreMask
+  // pixels, and the files that were turned, unless it is null. Errors as ReadMasks, ReadIgnoreMask
   // and ReadDepthMap.
   absl::StatusOr<MaskSet> Masks(const std::string& stem, const CameraPixels& pixels,
                                 ReadingNotes* notes = nullptr) const;

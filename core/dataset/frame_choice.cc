@@ -45,7 +45,8 @@ std::vector<T> Spread(std::vector<T> all) {
 }
 
 // Returns what the photograph has of a kind as values of its stored shape; empty: nothing.
-absl::StatusOr<FloatImage> ValuesOf(Companion kind, const Examined& photo, const CompanionFiles& files) {
+absl::StatusOr<FloatImage> ValuesOf(Companion kind, const Examined& photo,
+                                    const CompanionFiles& files) {
   const std::string stem(WithoutSuffix(photo.key));
   const CameraPixels pixels = StoredPixels(photo);
   FloatImage values{photo.facts.width, photo.facts.height, {}};

@@ -14,8 +14,8 @@ namespace pepeseg {
 // The files that belong to photographs, by what they hold. One tool has made all of a kind.
 enum class Companion { kMasks, kIgnore, kDepth };
 
-// What was changed or left out while views were read, by the names of the files. Readers on several
-// threads have one each.
+// Notes of what was changed or left out while views were read: names of files. Each of several
+// threads that read has its own.
 struct ReadingNotes {
   std::set<std::string> without_depth;  // depth maps without information
   std::set<std::string> soft;           // label images of one mask with soft borders

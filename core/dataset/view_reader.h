@@ -56,7 +56,7 @@ class ViewReader {
 
   // Returns INVALID_ARGUMENT, which names the file, for what cannot be read or does not fit.
   absl::StatusOr<View> Read(const Match& match);
-  // What was changed or left out so far.
+  // Returns the notes of all reads so far.
   const ReadingNotes& notes() const { return notes_; }
 
  private:

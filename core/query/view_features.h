@@ -94,6 +94,7 @@ class ViewFeatures {
                            const SegmentOptions& options, SegmentResult& result);
   // Returns the gates psi(scale): [scales, 32].
   Buffer<float> GatesAt(std::span<const double> scales) const;
+
   Backend& backend_;
   Renderer& renderer_;
   const Model& model_;
