@@ -136,6 +136,12 @@ class Backend {
   // Number of steps that the caller should queue before it waits for the oldest. 0: ops are done
   // when they return.
   virtual int queue_depth() const = 0;
+  // Returns a backend of the same device with a queue and errors of its own, for what another
+  // thread computes meanwhile. Null where queue_depth() is 0, and where it could not be made. Ops
+  // of one may read memory of the other: it must have been written before a Sync of its backend,
+  // and must not be freed or changed before a Sync of the reader. bytes_in_use() and
+  // peak_bytes_in_use() of both are those of both together.
+  virtual std::unique_ptr<Backend> MakeTwin() const = 0;
 
   // Each op is described at its arguments. kernels/cpu and kernels/cuda have it in a file named
   // after it or after its header in kernels/ops.

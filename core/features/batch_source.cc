@@ -3,19 +3,27 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 
 namespace pepeseg {
 
-BatchSource::BatchSource(const PreparedFeatures& prepared, const FeatureOptions& options)
+BatchSource::BatchSource(const PreparedFeatures& prepared, const FeatureOptions& options,
+                         std::unique_ptr<Backend> twin)
     : prepared_(prepared),
       drawer_(prepared.field, prepared.views, options),
       steps_per_chunk_(options.steps_per_chunk),
       num_left_(options.num_steps),
-      chunk_start_(drawer_.Save()) {}
+      twin_(std::move(twin)),
+      chunk_start_(drawer_.Save()) {
+  if (twin_ == nullptr) return;
+  backend().Sync();  // the twin reads the Gaussians and their neighbours
+  twin_scene_ = std::make_unique<Renderer>(*twin_, *prepared.scene);
+}
 
 BatchSource::~BatchSource() {
   if (ahead_.valid()) ahead_.wait();
+  if (twin_ != nullptr) backend().Sync();  // steps may still read the chunk
 }
 
 absl::Status BatchSource::Restore(const DrawerState& chunk_start, int step, int steps_of_chunk) {
@@ -43,11 +51,18 @@ absl::StatusOr<RowChunk::Step> BatchSource::Next() {
 
 absl::Status BatchSource::BeginChunk(int num_done) {
   DrawnChunk drawn = ahead_.get();
+  RETURN_IF_ERROR(drawn.rasterised);
+  if (twin_ != nullptr) {
+    backend().Sync();  // steps may still read the chunk that the task fills anew
+    std::swap(chunk_, next_chunk_);
+  }
   DrawAhead();
   chunk_start_ = std::move(drawn.before);
   steps_of_chunk_ = num_done;
-  RETURN_IF_ERROR(chunk_.Refill(std::move(drawn.batches), prepared_.capture, *prepared_.scene,
-                                prepared_.graph()));
+  if (twin_ == nullptr) {
+    RETURN_IF_ERROR(chunk_.Refill(std::move(drawn.batches), prepared_.capture, *prepared_.scene,
+                                  prepared_.graph()));
+  }
   chunk_.Skip(num_done);
   return absl::OkStatus();
 }
@@ -57,16 +72,32 @@ void BatchSource::DrawAhead() {
   const int count = std::min({steps_per_chunk_, num_left_, drawer_.NumAlike()});
   num_left_ -= count;
   ahead_ = std::async(std::launch::async, [this, count] {
-    DrawnChunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(count))};
-    std::vector<BatchDrawer::Draft> drafts;
-    drafts.reserve(chunk.batches.size());
-    for (int i = 0; i < count; ++i) drafts.push_back(drawer_.Next());
-    pool_.ParallelFor(count, [&](int64_t i, int) {
-      chunk.batches[i] = drawer_.Draw(drafts[i]);
-      if (prepared_.cues != nullptr) prepared_.cues->List(chunk.batches[i]);
-    });
+    DrawnChunk chunk = Draw(count);
+    if (twin_ != nullptr && count > 0) chunk.rasterised = Rasterise(std::move(chunk.batches));
     return chunk;
   });
+}
+
+// The chunk is the other backend's to read when the twin has been waited for.
+absl::Status BatchSource::Rasterise(std::vector<PixelBatch> batches) {
+  RETURN_IF_ERROR(
+      next_chunk_.Refill(std::move(batches), prepared_.capture, *twin_scene_, prepared_.graph()));
+  const BackendError error = twin_->TakeError();
+  if (error.what.empty()) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("features: blend rows: ", error.what));
+}
+
+BatchSource::DrawnChunk BatchSource::Draw(int num_batches) {
+  DrawnChunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(num_batches)),
+                      absl::OkStatus()};
+  std::vector<BatchDrawer::Draft> drafts;
+  drafts.reserve(chunk.batches.size());
+  for (int i = 0; i < num_batches; ++i) drafts.push_back(drawer_.Next());
+  pool_.ParallelFor(num_batches, [&](int64_t i, int) {
+    chunk.batches[i] = drawer_.Draw(drafts[i]);
+    if (prepared_.cues != nullptr) prepared_.cues->List(chunk.batches[i]);
+  });
+  return chunk;
 }
 
 }  // namespace pepeseg

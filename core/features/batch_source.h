@@ -1,6 +1,7 @@
 #pragma once
 
 #include <future>
+#include <memory>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -9,18 +10,24 @@
 #include "core/features/options.h"
 #include "core/features/preparation.h"
 #include "core/features/row_chunk.h"
+#include "core/render/renderer.h"
+#include "kernels/backend.h"
 #include "kernels/thread_pool.h"
 
 namespace pepeseg {
 
 // The inputs of the steps of stage two, a chunk of batches at a time. Draws the next chunk on
 // threads of its own while the current one is trained: one task at a time uses the drawer; it takes
-// the drafts in order, then draws the batches in parallel. All calls must come from one thread.
+// the drafts in order, then draws the batches in parallel. With a twin of the backend the task also
+// rasterises the chunk, so that the device is not idle between two chunks; the memory of two chunks
+// is then in use. All calls must come from one thread.
 class BatchSource {
  public:
-  // `prepared` must outlive it.
-  BatchSource(const PreparedFeatures& prepared, const FeatureOptions& options);
-  ~BatchSource();  // waits for the task
+  // `prepared` must outlive it. twin: see Backend::MakeTwin; null: chunks are rasterised when they
+  // begin.
+  BatchSource(const PreparedFeatures& prepared, const FeatureOptions& options,
+              std::unique_ptr<Backend> twin);
+  ~BatchSource();  // waits for the task, and with a twin for the device
   BatchSource(const BatchSource&) = delete;
   BatchSource& operator=(const BatchSource&) = delete;
 
@@ -30,7 +37,7 @@ class BatchSource {
 
   // Returns what the next step reads, valid until the next call. Must be called for the steps of
   // the schedule only. Waits for the device at the start of a chunk. RESOURCE_EXHAUSTED: see
-  // RowChunk::Refill.
+  // RowChunk::Refill. INTERNAL: the twin failed.
   absl::StatusOr<RowChunk::Step> Next();
   // Drops the last num_steps of the schedule. A chunk that is being drawn is not shortened.
   void LeaveOutLast(int num_steps);
@@ -42,13 +49,18 @@ class BatchSource {
 
  private:
   struct DrawnChunk {
-    DrawerState before;  // of the drawer before the first of the batches
-    std::vector<PixelBatch> batches;
+    DrawerState before;               // of the drawer before the first of the batches
+    std::vector<PixelBatch> batches;  // with a twin they are in next_chunk_
+    absl::Status rasterised;          // with a twin: of next_chunk_
   };
-  // Starts the task that draws a chunk.
+  // Starts the task that draws a chunk, and rasterises it if there is a twin.
   void DrawAhead();
-  // Takes the next chunk, without its first `num_done` steps, and rasterises its views.
+  DrawnChunk Draw(int num_batches);
+  // Fills next_chunk_ on the twin. Errors as of RowChunk::Refill; INTERNAL: the device failed.
+  absl::Status Rasterise(std::vector<PixelBatch> batches);
+  // Takes the next chunk, without its first `num_done` steps. Without a twin rasterises its views.
   absl::Status BeginChunk(int num_done);
+  Backend& backend() const { return prepared_.scene->backend(); }
 
   const PreparedFeatures& prepared_;
   BatchDrawer drawer_;
@@ -56,7 +68,10 @@ class BatchSource {
   int num_left_;  // batches that no task has begun to draw
   ThreadPool pool_ = ThreadPool(0);
   std::future<DrawnChunk> ahead_;  // invalid before the first Next
+  const std::unique_ptr<Backend> twin_;
+  std::unique_ptr<Renderer> twin_scene_;  // null without a twin
   RowChunk chunk_;
+  RowChunk next_chunk_;  // filled by the task if there is a twin
   DrawerState chunk_start_;
   int steps_of_chunk_ = 0;
 };

@@ -18,6 +18,9 @@ int64_t SamplesOf(const FeatureOptions& options) {
          (options.perception_weight > 0 ? options.num_perception_pixels : 0);
 }
 
+// Returns the number of chunks whose rows are in backend memory at once, see BatchSource.
+int NumChunks(const Backend& backend) { return backend.queue_depth() > 0 ? 2 : 1; }
+
 // Returns the number of pixels of all batches of the largest chunk. No chunk reaches across the end
 // of smoothing.
 int64_t SamplesInChunk(const FeatureOptions& options) {
@@ -47,6 +50,8 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   const int64_t gaussian =
       (NumPlanes(sh_degree) + 5 * kFeatureSize + 1) * kFloat + (1 + options.num_neighbors) * kInt;
   const int64_t image = WithReserve(5 * kFloat * scratch.num_pixels);
+  // The next chunk has renders of its own.
+  const int64_t renders = NumChunks(backend) * (image + backend.ScratchBytes(render));
   // A batch takes features and gradients of its pixels, gradients of the Gaussians that it reaches,
   // the bits of each pair, and partial sums of gradients at each scale.
   const int64_t pixels = SamplesOf(options);
@@ -54,9 +59,9 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   const int64_t batch = pixels * (2 + reached) * kFeatureSize * kFloat +
                         pixels * pixels * kPairBytes +
                         kParts * options.num_scales * (pixels + 64) * kFeatureSize * kFloat;
-  return scratch.num_gaussians * gaussian + image + WithReserve(SamplesInChunk(options) * sample) +
-         WithReserve(batch) + (int64_t{options.num_steps} + 1) * kFloat +
-         backend.ScratchBytes(render);
+  return scratch.num_gaussians * gaussian + renders +
+         NumChunks(backend) * WithReserve(SamplesInChunk(options) * sample) + WithReserve(batch) +
+         (int64_t{options.num_steps} + 1) * kFloat;
 }
 
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options) {

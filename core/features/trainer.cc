@@ -77,7 +77,7 @@ FeatureTrainer::FeatureTrainer(Backend& backend, PreparedFeatures prepared,
       options_(options),
       prepared_(std::move(prepared)),
       optimizer_(backend, prepared_, initial, options),
-      batches_(prepared_, options),
+      batches_(prepared_, options, backend.MakeTwin()),
       skipped_(prepared_.skipped),
       window_(Convergence::Window(static_cast<int>(prepared_.views.size()))),
       losses_(options.min_loss_fall) {}

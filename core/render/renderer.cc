@@ -110,7 +110,16 @@ Renderer::Renderer(Backend& backend, const Gaussians& gaussians, double scene_ra
       sh_degree_(gaussians.sh_degree),
       near_plane_(static_cast<float>(kNearPlane * scene_radius)),
       most_pixels_(MostPixels(0)),
-      planes_(backend, std::span<const float>(gaussians.planes)) {}
+      planes_(backend, std::span<const float>(gaussians.planes)),
+      shown_planes_(planes_.span().data) {}
+
+Renderer::Renderer(Backend& twin, const Renderer& other)
+    : backend_(twin),
+      count_(other.count_),
+      sh_degree_(other.sh_degree_),
+      near_plane_(other.near_plane_),
+      most_pixels_(other.most_pixels_),
+      shown_planes_(other.shown_planes_) {}
 
 Renderer::Renderer(Backend& backend, const Model& model)
     : backend_(backend),
@@ -120,6 +129,7 @@ Renderer::Renderer(Backend& backend, const Model& model)
       most_pixels_(MostPixels(LargestView(model.views))),
       logits_(model.gaussians.Plane(kOpacityPlane)),
       planes_(backend, std::span<const float>(model.gaussians.planes)),
+      shown_planes_(planes_.span().data),
       features_(backend, std::span<const float>(model.field.features)),
       confidence_(backend, std::span<const float>(model.field.confidence)) {}
 
@@ -161,7 +171,7 @@ void Renderer::Render(const Viewpoint& view, const Pass& pass) {
     depth_.Reserve(backend_, num_pixels);
   }
   Show(pass.subset);
-  backend_.Render({.gaussians = {planes_.span().data, count_, count_, sh_degree_},
+  backend_.Render({.gaussians = {shown_planes_, count_, count_, sh_degree_},
                    .view = ToPinholeView(view.camera, view.cam_from_world),
                    .near_plane = near_plane_,
                    .active_sh_degree = pass.sh_degree,

@@ -66,6 +66,9 @@ class Renderer {
   // Renders no features and no subsets. scene_radius: scene units, see SceneRadius; it decides the
   // near plane.
   Renderer(Backend& backend, const Gaussians& gaussians, double scene_radius);
+  // Renders the Gaussians of another renderer of captures, which must outlive it, on a twin of that
+  // one's backend (Backend::MakeTwin), which must have been synchronised. Both may be used at once.
+  Renderer(Backend& twin, const Renderer& other);
   // Renders everything. The model must outlive the renderer.
   Renderer(Backend& backend, const Model& model);
 
@@ -111,7 +114,9 @@ class Renderer {
   const float near_plane_;
   const int64_t most_pixels_;
   std::span<const float> logits_;  // opacities on the host, [num_gaussians]; empty without a model
-  Buffer<float> planes_, features_, confidence_, color_, alpha_, depth_;
+  Buffer<float> planes_;
+  const float* shown_planes_;  // those of planes_ or of the other renderer
+  Buffer<float> features_, confidence_, color_, alpha_, depth_;
   RenderScratch scratch_;
   bool some_hidden_ = false;  // true: opacities in backend memory may differ from the model's
 };

@@ -14,7 +14,8 @@ namespace pepeseg {
 
 // Sets up the device. After an error the rest fails as well; the first error is kept, and
 // MakeCudaBackend reports it.
-CudaBackend::CudaBackend(const CudaOptions& options) : options_(options) {
+CudaBackend::CudaBackend(const CudaOptions& options, std::shared_ptr<CudaMemoryUse> use)
+    : options_(options), use_(use != nullptr ? std::move(use) : std::make_shared<CudaMemoryUse>()) {
   Keep(cudaSetDevice(options.device), "setting the device");
   cudaDeviceProp properties = {};
   Keep(cudaGetDeviceProperties(&properties, options.device),
@@ -56,6 +57,14 @@ CudaBackend::~CudaBackend() {
   }
   if (side_stream_ != nullptr) cudaStreamDestroy(side_stream_);
   if (stream_ != nullptr) cudaStreamDestroy(stream_);
+}
+
+// With timed kernels there is no twin, because its kernels would run between two events.
+std::unique_ptr<Backend> CudaBackend::MakeTwin() const {
+  if (options_.kernel_times != nullptr) return nullptr;
+  auto twin = std::make_unique<CudaBackend>(options_, use_);
+  if (!twin->error().empty()) return nullptr;
+  return twin;
 }
 
 CudaBackend::Turn::Turn(CudaBackend& backend) : lock_(backend.mutex_) {

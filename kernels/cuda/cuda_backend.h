@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <span>
 #include <string>
@@ -56,6 +57,13 @@ struct SortKeyBits {
 inline constexpr int kLargestDepth = kNumRenderCounters;
 inline constexpr int kNumCudaCounters = kNumRenderCounters + 1;
 
+// Device memory of a backend and of its twins (Backend::MakeTwin).
+struct CudaMemoryUse {
+  std::mutex mutex;
+  std::unordered_map<void*, size_t> blocks;  // bytes asked for, of each block not yet freed
+  size_t bytes = 0, peak_bytes = 0;          // sum of blocks, and its largest value
+};
+
 // The CUDA implementation of Backend on one device: each op is in the file of its name next to this
 // one.
 //
@@ -80,7 +88,8 @@ inline constexpr int kNumCudaCounters = kNumRenderCounters + 1;
 // later call, at the latest when the host waits.
 class CudaBackend final : public Backend {
  public:
-  explicit CudaBackend(const CudaOptions& options);
+  // use: of the twin; null for a backend that is no twin.
+  explicit CudaBackend(const CudaOptions& options, std::shared_ptr<CudaMemoryUse> use = nullptr);
   ~CudaBackend() override;
 
   std::string name() const override;
@@ -107,6 +116,7 @@ class CudaBackend final : public Backend {
   int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) override;
   void WaitFor(int64_t ticket) override;
   int queue_depth() const override { return 8; }
+  std::unique_ptr<Backend> MakeTwin() const override;
 
   void Render(const RenderArgs& args) override;
   void ImageLoss(const ImageLossArgs& args) override;
@@ -214,9 +224,8 @@ class CudaBackend final : public Backend {
   mutable std::recursive_mutex mutex_;
   cudaStream_t stream_ = nullptr;  // of the calls; within a part of Branches that of the branch
   std::string error_;
-  bool fatal_ = false;                        // BackendError::fatal of error_
-  std::unordered_map<void*, size_t> blocks_;  // bytes asked for, of each block not yet freed
-  size_t bytes_in_use_ = 0, peak_bytes_ = 0;  // sum of blocks_, and its largest value
+  bool fatal_ = false;  // BackendError::fatal of error_
+  const std::shared_ptr<CudaMemoryUse> use_;
   // While a sequence is recorded, memory is allocated on the side stream, which is not recorded,
   // and freed when the recording is over: the graph must hold neither.
   bool recording_ = false;

@@ -34,7 +34,7 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   if (error == cudaErrorMemoryAllocation) {
     cudaGetLastError();
     Fail({"CUDA: out of memory: " + std::to_string(num_bytes) + " bytes requested, " +
-          std::to_string(bytes_in_use_) + " in use"});
+          std::to_string(bytes_in_use()) + " in use"});
     return nullptr;
   }
   Keep(error, "allocating");
@@ -42,19 +42,23 @@ void* CudaBackend::Allocate(size_t num_bytes) {
   Keep(cudaMemsetAsync(data, 0, padded, stream), "zeroing new memory");
   // The graph runs on stream_, which knows nothing of the side stream.
   if (recording_) Keep(cudaStreamSynchronize(side_stream_), "waiting for new memory");
-  blocks_[data] = num_bytes;
-  bytes_in_use_ += num_bytes;
-  peak_bytes_ = std::max(peak_bytes_, bytes_in_use_);
+  const std::lock_guard lock(use_->mutex);
+  use_->blocks[data] = num_bytes;
+  use_->bytes += num_bytes;
+  use_->peak_bytes = std::max(use_->peak_bytes, use_->bytes);
   return data;
 }
 
 // Unlike ops it works after an error, so that buffers can be destroyed.
 void CudaBackend::Free(void* data) {
   const std::lock_guard lock(mutex_);
-  const auto block = blocks_.find(data);
-  if (block == blocks_.end()) return;
-  bytes_in_use_ -= block->second;
-  blocks_.erase(block);
+  {
+    const std::lock_guard use_lock(use_->mutex);
+    const auto block = use_->blocks.find(data);
+    if (block == use_->blocks.end()) return;
+    use_->bytes -= block->second;
+    use_->blocks.erase(block);
+  }
   if (recording_) {
     freed_while_recording_.push_back(data);
     return;
@@ -78,13 +82,13 @@ void CudaBackend::FreePinned(void* data) {
 }
 
 size_t CudaBackend::bytes_in_use() const {
-  const std::lock_guard lock(mutex_);
-  return bytes_in_use_;
+  const std::lock_guard lock(use_->mutex);
+  return use_->bytes;
 }
 
 size_t CudaBackend::peak_bytes_in_use() const {
-  const std::lock_guard lock(mutex_);
-  return peak_bytes_;
+  const std::lock_guard lock(use_->mutex);
+  return use_->peak_bytes;
 }
 
 DeviceMemory CudaBackend::memory() const {
