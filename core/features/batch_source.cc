@@ -22,7 +22,8 @@ BatchSource::BatchSource(const PreparedFeatures& prepared, const FeatureOptions&
 }
 
 BatchSource::~BatchSource() {
-  if (ahead_.valid()) ahead_.wait();
+  if (drawing_.valid()) drawing_.wait();
+  if (rasterising_.valid()) rasterising_.wait();
   if (twin_ != nullptr) backend().Sync();  // steps may still read the chunk
 }
 
@@ -39,43 +40,63 @@ void BatchSource::LeaveOutLast(int num_steps) { num_left_ = std::max(0, num_left
 
 // After Restore the whole chunk is drawn and rasterised again, and its steps that are already done
 // are skipped: they may be all of it.
-absl::StatusOr<RowChunk::Step> BatchSource::Next() {
-  if (!ahead_.valid()) {
+absl::StatusOr<std::vector<RowChunk::Step>> BatchSource::Next(int most) {
+  if (!drawing_.valid()) {
     DrawAhead();
+    if (twin_ != nullptr) RasteriseAhead();
     RETURN_IF_ERROR(BeginChunk(steps_of_chunk_));
   }
-  if (chunk_.Exhausted()) RETURN_IF_ERROR(BeginChunk(0));
-  ++steps_of_chunk_;
-  return chunk_.Next();
+  if (chunk_.num_left() == 0) RETURN_IF_ERROR(BeginChunk(0));
+  std::vector<RowChunk::Step> steps;
+  for (int i = std::min(most, chunk_.num_left()); i > 0; --i) steps.push_back(chunk_.Next());
+  steps_of_chunk_ += static_cast<int>(steps.size());
+  return steps;
 }
 
 absl::Status BatchSource::BeginChunk(int num_done) {
-  DrawnChunk drawn = ahead_.get();
-  RETURN_IF_ERROR(drawn.rasterised);
+  DrawnChunk drawn = (twin_ != nullptr ? rasterising_ : drawing_).get();
   if (twin_ != nullptr) {
+    RETURN_IF_ERROR(drawn.rasterised);
     backend().Sync();  // steps may still read the chunk that the task fills anew
     std::swap(chunk_, next_chunk_);
-  }
-  DrawAhead();
-  chunk_start_ = std::move(drawn.before);
-  steps_of_chunk_ = num_done;
-  if (twin_ == nullptr) {
+    RasteriseAhead();
+  } else {
+    DrawAhead();
     RETURN_IF_ERROR(chunk_.Refill(std::move(drawn.batches), prepared_.capture, *prepared_.scene,
                                   prepared_.graph()));
   }
+  chunk_start_ = std::move(drawn.before);
+  steps_of_chunk_ = num_done;
   chunk_.Skip(num_done);
   return absl::OkStatus();
 }
 
 // All batches of a chunk draw the same number of neighbours, because NeighborRows requires it.
+// Drafts are taken here, so that a chunk may be drawn while the one before it still is.
 void BatchSource::DrawAhead() {
   const int count = std::min({steps_per_chunk_, num_left_, drawer_.NumAlike()});
   num_left_ -= count;
-  ahead_ = std::async(std::launch::async, [this, count] {
-    DrawnChunk chunk = Draw(count);
-    if (twin_ != nullptr && count > 0) chunk.rasterised = Rasterise(std::move(chunk.batches));
+  DrawnChunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(count)),
+                      absl::OkStatus()};
+  std::vector<BatchDrawer::Draft> drafts;
+  for (int i = 0; i < count; ++i) drafts.push_back(drawer_.Next());
+  drawing_ = std::async(std::launch::async,
+                        [this, chunk = std::move(chunk), drafts = std::move(drafts)]() mutable {
+                          pool_.ParallelFor(std::ssize(drafts), [&](int64_t i, int) {
+                            chunk.batches[i] = drawer_.Draw(drafts[i]);
+                            if (prepared_.cues != nullptr) prepared_.cues->List(chunk.batches[i]);
+                          });
+                          return std::move(chunk);
+                        });
+}
+
+void BatchSource::RasteriseAhead() {
+  rasterising_ = std::async(std::launch::async, [this, drawing = std::move(drawing_)]() mutable {
+    DrawnChunk chunk = drawing.get();
+    if (!chunk.batches.empty()) chunk.rasterised = Rasterise(std::move(chunk.batches));
     return chunk;
   });
+  DrawAhead();
 }
 
 // The chunk is the other backend's to read when the twin has been waited for.
@@ -85,19 +106,6 @@ absl::Status BatchSource::Rasterise(std::vector<PixelBatch> batches) {
   const BackendError error = twin_->TakeError();
   if (error.what.empty()) return absl::OkStatus();
   return absl::InternalError(absl::StrCat("features: blend rows: ", error.what));
-}
-
-BatchSource::DrawnChunk BatchSource::Draw(int num_batches) {
-  DrawnChunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(num_batches)),
-                      absl::OkStatus()};
-  std::vector<BatchDrawer::Draft> drafts;
-  drafts.reserve(chunk.batches.size());
-  for (int i = 0; i < num_batches; ++i) drafts.push_back(drawer_.Next());
-  pool_.ParallelFor(num_batches, [&](int64_t i, int) {
-    chunk.batches[i] = drawer_.Draw(drafts[i]);
-    if (prepared_.cues != nullptr) prepared_.cues->List(chunk.batches[i]);
-  });
-  return chunk;
 }
 
 }  // namespace pepeseg

@@ -16,18 +16,17 @@
 
 namespace pepeseg {
 
-// The inputs of the steps of stage two, a chunk of batches at a time. Draws the next chunk on
-// threads of its own while the current one is trained: one task at a time uses the drawer; it takes
-// the drafts in order, then draws the batches in parallel. With a twin of the backend the task also
-// rasterises the chunk, so that the device is not idle between two chunks; the memory of two chunks
-// is then in use. All calls must come from one thread.
+// The inputs of the steps of stage two, a chunk of batches at a time. The next chunk is drawn on
+// threads of its own while the current one is trained. With a twin of the backend the next chunk is
+// also rasterised meanwhile, so that the device is not idle between two chunks, and the one after
+// it is drawn; the rows of two chunks are then in memory. All calls must come from one thread.
 class BatchSource {
  public:
   // `prepared` must outlive it. twin: see Backend::MakeTwin; null: chunks are rasterised when they
   // begin.
   BatchSource(const PreparedFeatures& prepared, const FeatureOptions& options,
               std::unique_ptr<Backend> twin);
-  ~BatchSource();  // waits for the task, and with a twin for the device
+  ~BatchSource();  // waits for the tasks, and with a twin for the device
   BatchSource(const BatchSource&) = delete;
   BatchSource& operator=(const BatchSource&) = delete;
 
@@ -35,11 +34,12 @@ class BatchSource {
   // `chunk_start`. To be called before the first Next. DATA_LOSS: see BatchDrawer::Restore.
   absl::Status Restore(const DrawerState& chunk_start, int step, int steps_of_chunk);
 
-  // Returns what the next step reads, valid until the next call. Must be called for the steps of
-  // the schedule only. Waits for the device at the start of a chunk. RESOURCE_EXHAUSTED: see
-  // RowChunk::Refill. INTERNAL: the twin failed.
-  absl::StatusOr<RowChunk::Step> Next();
-  // Drops the last num_steps of the schedule. A chunk that is being drawn is not shortened.
+  // Returns what the next steps read, valid until the next call: `most` steps, or those that are
+  // left of a chunk. Must be called for the steps of the schedule only. Waits for the device at the
+  // start of a chunk. RESOURCE_EXHAUSTED: see RowChunk::Refill. INTERNAL: the twin failed.
+  absl::StatusOr<std::vector<RowChunk::Step>> Next(int most);
+  // Drops the last num_steps of the schedule. A chunk that is being drawn or rasterised is not
+  // shortened.
   void LeaveOutLast(int num_steps);
 
   // The state of the drawer before the current chunk, and the steps taken from that: what Restore
@@ -53,9 +53,10 @@ class BatchSource {
     std::vector<PixelBatch> batches;  // with a twin they are in next_chunk_
     absl::Status rasterised;          // with a twin: of next_chunk_
   };
-  // Starts the task that draws a chunk, and rasterises it if there is a twin.
+  // Starts the task that draws the next chunk that no task draws yet.
   void DrawAhead();
-  DrawnChunk Draw(int num_batches);
+  // Starts the task that rasterises the chunk that is being drawn, and the one that draws the next.
+  void RasteriseAhead();
   // Fills next_chunk_ on the twin. Errors as of RowChunk::Refill; INTERNAL: the device failed.
   absl::Status Rasterise(std::vector<PixelBatch> batches);
   // Takes the next chunk, without its first `num_done` steps. Without a twin rasterises its views.
@@ -67,7 +68,8 @@ class BatchSource {
   const int steps_per_chunk_;
   int num_left_;  // batches that no task has begun to draw
   ThreadPool pool_ = ThreadPool(0);
-  std::future<DrawnChunk> ahead_;  // invalid before the first Next
+  std::future<DrawnChunk> drawing_;      // invalid before the first Next
+  std::future<DrawnChunk> rasterising_;  // invalid without a twin
   const std::unique_ptr<Backend> twin_;
   std::unique_ptr<Renderer> twin_scene_;  // null without a twin
   RowChunk chunk_;

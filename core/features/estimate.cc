@@ -44,11 +44,13 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   const int64_t reached = kTypicalRow / 2;
   const int64_t sample = BytesOfRow(rows.first, rows.alpha) + 2 * kTypicalRow * entry +
                          reached * (2 + options.num_drawn_neighbors + 2) * kInt + kLabels;
-  // A Gaussian takes its planes, five vectors of 32 numbers (feature, smoothed feature, two
-  // moments, and the copy that FeatureOptimizer::Export smooths), its length, its last step and its
-  // neighbours. A view takes colour, alpha and depth.
+  // A Gaussian takes its planes, four vectors of 32 numbers (feature, two moments, and the copy
+  // that FeatureOptimizer::Export smooths), a smoothed feature and its length for each step that is
+  // done at once, its last step and its neighbours. A view takes colour, alpha and depth.
+  const int64_t at_once = FeatureStepsAtOnce(backend, scratch.num_gaussians, options);
   const int64_t gaussian =
-      (NumPlanes(sh_degree) + 5 * kFeatureSize + 1) * kFloat + (1 + options.num_neighbors) * kInt;
+      (NumPlanes(sh_degree) + (4 + at_once) * kFeatureSize + at_once) * kFloat +
+      (1 + options.num_neighbors) * kInt;
   const int64_t image = WithReserve(5 * kFloat * scratch.num_pixels);
   // The next chunk has renders of its own.
   const int64_t renders = NumChunks(backend) * (image + backend.ScratchBytes(render));
@@ -60,8 +62,8 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
                         pixels * pixels * kPairBytes +
                         kParts * options.num_scales * (pixels + 64) * kFeatureSize * kFloat;
   return scratch.num_gaussians * gaussian + renders +
-         NumChunks(backend) * WithReserve(SamplesInChunk(options) * sample) + WithReserve(batch) +
-         (int64_t{options.num_steps} + 1) * kFloat;
+         NumChunks(backend) * WithReserve(SamplesInChunk(options) * sample) +
+         at_once * WithReserve(batch) + (int64_t{options.num_steps} + 1) * kFloat;
 }
 
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options) {

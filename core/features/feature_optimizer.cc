@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "core/base/status_macros.h"
@@ -13,6 +14,10 @@ namespace {
 
 constexpr float kInitialDeviation = 0.01f;  // of each number of a feature
 constexpr int kFirstSequence = 200;  // first key for Backend::Sequence; stage one has smaller ones
+constexpr int kNumKinds = 8;         // of a step, see KindOf
+constexpr int kMostStepsAtOnce = 2;
+// A step of more Gaussians fills a device by itself, and another step takes 132 bytes for each.
+constexpr int64_t kMostGaussiansAtOnce = 500'000;
 // Keeps these random numbers apart from the drawer's.
 constexpr uint64_t kStream = 0x9e3779b97f4a7c15u;
 
@@ -80,6 +85,13 @@ void CopyNonZero(std::span<const float> from, std::span<float> to) {
 
 }  // namespace
 
+int FeatureStepsAtOnce(const Backend& backend, int64_t num_gaussians,
+                       const FeatureOptions& options) {
+  if (options.views_at_once > 0) return options.views_at_once;
+  if (num_gaussians > kMostGaussiansAtOnce) return 1;
+  return std::min(backend.num_branches(), kMostStepsAtOnce);
+}
+
 bool IsZero(std::span<const float> rows, int64_t gaussian) {
   return std::ranges::all_of(rows.subspan(gaussian * kFeatureSize, kFeatureSize),
                              [](float x) { return x == 0; });
@@ -101,16 +113,19 @@ FeatureOptimizer::FeatureOptimizer(Backend& backend, const PreparedFeatures& pre
       moment1_(backend, features_.size()),
       moment2_(backend, features_.size()),
       last_step_(backend, num_gaussians_),
-      smoothed_(backend, features_.size()),
-      inv_length_(backend, num_gaussians_),
       gate_(backend, NumGateNumbers(options)),
       gate_moment1_(backend, NumGateNumbers(options)),
       gate_moment2_(backend, NumGateNumbers(options)),
-      gate_grad_(backend, NumGateNumbers(options)),
       sums_(backend, int64_t{kMaxUnreadFeatureSteps} * kNumPairLossSums) {
   rates_.learning_rate = options.learning_rate;
   correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options, {})));
   rates_.correction = correction_.span();
+  buffers_.resize(FeatureStepsAtOnce(backend, num_gaussians_, options));
+  for (StepBuffers& of_step : buffers_) {
+    of_step.smoothed = Buffer<float>(backend, features_.size());
+    of_step.inv_length = Buffer<float>(backend, num_gaussians_);
+    of_step.gate_grad = Buffer<float>(backend, NumGateNumbers(options));
+  }
   gate_.Upload(InitialGate(options));
 }
 
@@ -118,12 +133,15 @@ void FeatureOptimizer::LeaveOut(const LeftOutSteps& steps) {
   correction_.Upload(Corrections(rates_, options_, steps));
 }
 
-void FeatureOptimizer::Train(const RowChunk::Step& step) {
-  backend_.Sequence(kFirstSequence + KindOf(step), [&] { QueueOps(step); });
+void FeatureOptimizer::Train(std::span<const RowChunk::Step> steps) {
+  // The kinds of the steps are the digits of the key, after a first digit of 1.
+  int key = 1;
+  for (const RowChunk::Step& step : steps) key = kNumKinds * key + KindOf(step);
+  backend_.Sequence(kFirstSequence + key, [&] { QueueOps(steps); });
 }
 
-// A bit for each part of QueueOps that not all steps have. A backend may reuse the graph of the
-// last step of the same kind.
+// A bit for each part of a step that not all steps have. A backend may reuse the graph of the last
+// steps of the same kinds.
 int FeatureOptimizer::KindOf(const RowChunk::Step& step) const {
   int kind = step.neighbors.gaussian.empty() ? 0 : 1;
   for (const LossTerm* term : terms_) kind = 2 * kind + (term->IsIn(step) ? 1 : 0);
@@ -131,37 +149,58 @@ int FeatureOptimizer::KindOf(const RowChunk::Step& step) const {
 }
 
 // PairLoss writes the gradients of the labelled pixels, and the terms add to those of all.
-void FeatureOptimizer::ReserveBatch(const RowChunk::Step& step) {
+void FeatureOptimizer::ReserveBatch(const RowChunk::Step& step, StepBuffers& of_step) {
   const auto num_pixels = static_cast<int64_t>(step.batch->pixels.size());
-  pixel_features_.Reserve(backend_, num_pixels * kFeatureSize);
-  pixel_grad_.Reserve(backend_, num_pixels * kFeatureSize);
-  sum_grad_.Reserve(backend_, step.columns.gaussian.size * kFeatureSize);
+  of_step.pixel_features.Reserve(backend_, num_pixels * kFeatureSize);
+  of_step.pixel_grad.Reserve(backend_, num_pixels * kFeatureSize);
+  of_step.sum_grad.Reserve(backend_, step.columns.gaussian.size * kFeatureSize);
   const int64_t num_labelled = int64_t{step.batch->num_labelled} * kFeatureSize;
   const DeviceSpan<float> unlabelled =
-      pixel_grad_.span().Subspan(num_labelled, pixel_grad_.size() - num_labelled);
+      of_step.pixel_grad.span().Subspan(num_labelled, of_step.pixel_grad.size() - num_labelled);
   if (!unlabelled.empty()) backend_.Zero(unlabelled.data, unlabelled.size * sizeof(float));
 }
 
-// The order of the ops matters: catch up and smooth what the batch reads, blend the features of its
-// pixels, let PairLoss overwrite the gradients of the labelled pixels and the gate, add the other
-// losses to them, then go back through smoothing into the update. The kernels run in the order
-// in which they are queued.
-void FeatureOptimizer::QueueOps(const RowChunk::Step& step) {
+// The order of the ops matters: catch up what all batches read, find the gradients of all, then
+// update by one after the other. The ops of a branch run in the order in which they are queued.
+void FeatureOptimizer::QueueOps(std::span<const RowChunk::Step> steps) {
+  std::vector<std::function<void()>> gradients;
+  for (size_t k = 0; k < steps.size(); ++k) {
+    ReserveBatch(steps[k], buffers_[k]);
+    if (!steps[k].neighbors.gaussian.empty()) {
+      backend_.FeatureCatchUp({steps[k].neighbors.gaussian, rates_, step_, State()});
+    }
+    const int unread_step = num_unread_++;
+    gradients.emplace_back(
+        [this, k, unread_step, steps] { QueueGradients(steps[k], buffers_[k], unread_step); });
+  }
+  backend_.Branches(gradients);
+  for (size_t k = 0; k < steps.size(); ++k) {
+    // The update of the step before has passed over what that step did not reach.
+    if (k > 0 && !steps[k].neighbors.gaussian.empty()) {
+      backend_.FeatureCatchUp({steps[k].neighbors.gaussian, rates_, step_, State()});
+    }
+    QueueUpdate(steps[k], buffers_[k]);
+  }
+}
+
+// Smooths what the batch reads, blends the features of its pixels, lets PairLoss overwrite the
+// gradients of the labelled pixels and the gate, adds the other losses to them, then goes back
+// through smoothing.
+void FeatureOptimizer::QueueGradients(const RowChunk::Step& step, StepBuffers& of_step,
+                                      int unread_step) {
   const PixelBatch& batch = *step.batch;
   const int64_t num_labelled = int64_t{batch.num_labelled} * kFeatureSize;
-  ReserveBatch(step);
   if (!step.neighbors.gaussian.empty()) {
-    backend_.FeatureCatchUp({step.neighbors.gaussian, rates_, step_, State()});
     backend_.SmoothFeatures({.graph = graph_,
                              .drawn = batch.drawn_neighbors,
                              .gaussian = step.columns.gaussian,
                              .features = features_.span(),
-                             .smoothed = smoothed_.span(),
-                             .inv_length = inv_length_.span()});
+                             .smoothed = of_step.smoothed.span(),
+                             .inv_length = of_step.inv_length.span()});
   }
-  backend_.FeatureRows({step.rows, smoothed_.span(), pixel_features_.span()});
+  backend_.FeatureRows({step.rows, of_step.smoothed.span(), of_step.pixel_features.span()});
   backend_.PairLoss(
-      {.pixel_features = pixel_features_.span().Subspan(0, num_labelled),
+      {.pixel_features = of_step.pixel_features.span().Subspan(0, num_labelled),
        .pixel_weight = step.weight,
        .pixel_alpha = step.alpha.Subspan(0, batch.num_labelled),
        .pixel_cell = step.cell,
@@ -176,24 +215,26 @@ void FeatureOptimizer::QueueOps(const RowChunk::Step& step) {
        .min_norm_alpha = options_.min_norm_alpha,
        .joint_mean = options_.joint_pair_mean,
        .pair_seed = batch.pair_seed,
-       .pixel_grad = pixel_grad_.span().Subspan(0, num_labelled),
-       .gate_grad = gate_grad_.span(),
-       .sums = sums_.span().Subspan(int64_t{num_unread_} * kNumPairLossSums, kNumPairLossSums)});
-  const LossTerm::Spans spans = {pixel_features_.span(), gate_.span(), pixel_grad_.span(),
-                                 gate_grad_.span()};
+       .pixel_grad = of_step.pixel_grad.span().Subspan(0, num_labelled),
+       .gate_grad = of_step.gate_grad.span(),
+       .sums = sums_.span().Subspan(int64_t{unread_step} * kNumPairLossSums, kNumPairLossSums)});
+  const LossTerm::Spans spans = {of_step.pixel_features.span(), gate_.span(),
+                                 of_step.pixel_grad.span(), of_step.gate_grad.span()};
   for (LossTerm* term : terms_) {
-    if (term->IsIn(step)) term->AddGradients(step, spans, num_unread_);
+    if (term->IsIn(step)) term->AddGradients(step, spans, unread_step);
   }
-  ++num_unread_;
   backend_.SmoothBackward({.columns = step.columns,
-                           .pixel_grad = pixel_grad_.span(),
-                           .smoothed = smoothed_.span(),
-                           .inv_length = inv_length_.span(),
-                           .sum_grad = sum_grad_.span()});
+                           .pixel_grad = of_step.pixel_grad.span(),
+                           .smoothed = of_step.smoothed.span(),
+                           .inv_length = of_step.inv_length.span(),
+                           .sum_grad = of_step.sum_grad.span()});
+}
+
+void FeatureOptimizer::QueueUpdate(const RowChunk::Step& step, StepBuffers& of_step) {
   backend_.FeatureUpdate({.columns = step.neighbors,
-                          .pixel_grad = sum_grad_.span(),
+                          .pixel_grad = of_step.sum_grad.span(),
                           .of_direction = true,
-                          .gate_grad = gate_grad_.span(),
+                          .gate_grad = of_step.gate_grad.span(),
                           .rates = rates_,
                           .step = ++step_,
                           .state = State(),
@@ -233,10 +274,11 @@ std::vector<double> FeatureOptimizer::ReadLosses() {
 absl::Status FeatureOptimizer::RefreshCentroids(int step) {
   if (!centroids_.Due(step)) return absl::OkStatus();
   backend_.FeatureCatchUp({{}, rates_, step_, State()});
-  SmoothAll(features_.span(), smooths_ ? AllNeighbors(graph_) : kItselfOnly);
+  const Buffer<float>& smoothed =
+      SmoothAll(features_.span(), smooths_ ? AllNeighbors(graph_) : kItselfOnly);
   std::vector<float> gate(static_cast<size_t>(gate_.size()));
   gate_.Download(std::span<float>(gate));
-  return centroids_.Refresh(smoothed_.span(), gate);
+  return centroids_.Refresh(smoothed.span(), gate);
 }
 
 FeatureRowsState FeatureOptimizer::Save() const {
@@ -274,13 +316,15 @@ void FeatureOptimizer::Upload(const FeatureRowsState& rows) {
   gate_moment2_.Upload(rows.gate_moment2);
 }
 
-void FeatureOptimizer::SmoothAll(DeviceSpan<const float> features, uint32_t drawn) {
+const Buffer<float>& FeatureOptimizer::SmoothAll(DeviceSpan<const float> features, uint32_t drawn) {
+  StepBuffers& of_step = buffers_.front();
   backend_.SmoothFeatures({.graph = graph_,
                            .drawn = drawn,
                            .gaussian = {},
                            .features = features,
-                           .smoothed = smoothed_.span(),
-                           .inv_length = inv_length_.span()});
+                           .smoothed = of_step.smoothed.span(),
+                           .inv_length = of_step.inv_length.span()});
+  return of_step.smoothed;
 }
 
 std::vector<float> FeatureOptimizer::TouchedFeatures() {
@@ -300,10 +344,9 @@ void FeatureOptimizer::EndSmoothing() {
   if (!smooths_) return;
   smooths_ = false;
   const Buffer<float> touched(backend_, std::span<const float>(TouchedFeatures()));
-  SmoothAll(touched.span(), AllNeighbors(graph_));
   std::vector<float> features(static_cast<size_t>(features_.size())), smoothed(features.size());
   features_.Download(std::span<float>(features));
-  smoothed_.Download(std::span<float>(smoothed));
+  SmoothAll(touched.span(), AllNeighbors(graph_)).Download(std::span<float>(smoothed));
   CopyNonZero(smoothed, features);
   features_.Upload(std::span<const float>(features));
 }
@@ -312,11 +355,10 @@ void FeatureOptimizer::Export(FeatureField& field) {
   std::vector<float> own = TouchedFeatures();
   const Buffer<float> on_device(backend_, std::span<const float>(own));
   field.features.resize(own.size());
-  SmoothAll(on_device.span(), AllNeighbors(graph_));
-  smoothed_.Download(std::span<float>(field.features));
+  SmoothAll(on_device.span(), AllNeighbors(graph_)).Download(std::span<float>(field.features));
   if (!smooths_) {
-    SmoothAll(on_device.span(), kItselfOnly);  // normalises
-    smoothed_.Download(std::span<float>(own));
+    // Normalises.
+    SmoothAll(on_device.span(), kItselfOnly).Download(std::span<float>(own));
     CopyNonZero(own, field.features);
   }
   field.gate.resize(static_cast<size_t>(gate_.size()));

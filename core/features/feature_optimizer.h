@@ -32,6 +32,11 @@ inline double ShareOfFall(int done, int num_steps, const LeftOutSteps& left_out)
          num_steps;
 }
 
+// Returns the number of steps that stage two does at once: views_at_once of the options, or as many
+// as the device can run beside each other.
+int FeatureStepsAtOnce(const Backend& backend, int64_t num_gaussians,
+                       const FeatureOptions& options);
+
 // Returns whether all 32 numbers of a Gaussian are 0. rows: [num_gaussians, 32].
 bool IsZero(std::span<const float> rows, int64_t gaussian);
 
@@ -54,14 +59,18 @@ class FeatureOptimizer {
   // ShareOfFall.
   void LeaveOut(const LeftOutSteps& steps);
 
-  // Queues one update and waits for nothing. At most kMaxUnreadFeatureSteps calls may lie between
-  // two calls of ReadLosses.
-  void Train(const RowChunk::Step& step);
+  // Number of steps that Train takes at most.
+  int steps_at_once() const { return static_cast<int>(buffers_.size()); }
+  // Queues steps, which are done at once, and waits for nothing. At most kMaxUnreadFeatureSteps
+  // steps may lie between two calls of ReadLosses.
+  void Train(std::span<const RowChunk::Step> steps);
   // Ends smoothing: from the next step on, each Gaussian learns a feature of its own. It begins
   // with the smoothed one, where a neighbour has been touched by a sample. Waits for the device.
   void EndSmoothing();
+  // Returns whether centroids are refreshed before this step, counted from 0.
+  bool CentroidsAreDue(int step) const { return centroids_.Due(step); }
   // Clusters a view by the features, smoothed unless smoothing has ended, for the centroid term if
-  // that is due before this step, counted from 0. Waits for the device.
+  // that is due before this step. Waits for the device.
   absl::Status RefreshCentroids(int step);
   // Returns the losses of the steps since the last call, each before its update. Waits for the
   // device.
@@ -83,15 +92,24 @@ class FeatureOptimizer {
   void ExportUnchanged(FeatureField& field);
 
  private:
-  // Returns the kind of a step, in [0, 2^(1 + number of terms)). Steps of one kind run the same
-  // ops.
+  // Memory of a step next to others.
+  struct StepBuffers {
+    Buffer<float> smoothed, inv_length;  // [N, 32], [N]: see SmoothFeaturesArgs
+    // The batch: [pixels, 32] and [Gaussians that it reaches, 32].
+    Buffer<float> pixel_features, pixel_grad, sum_grad;
+    Buffer<float> gate_grad;  // see NumGateNumbers
+  };
+  // Returns the kind of a step, in [0, kNumKinds). Steps of one kind run the same ops.
   int KindOf(const RowChunk::Step& step) const;
-  void QueueOps(const RowChunk::Step& step);
+  void QueueOps(std::span<const RowChunk::Step> steps);
   // Sets the size of the batch's buffers. The gradients of unlabelled pixels become 0.
-  void ReserveBatch(const RowChunk::Step& step);
+  void ReserveBatch(const RowChunk::Step& step, StepBuffers& of_step);
+  // Queues the ops from smoothing to the gradients. unread_step: slot of the losses.
+  void QueueGradients(const RowChunk::Step& step, StepBuffers& of_step, int unread_step);
+  void QueueUpdate(const RowChunk::Step& step, StepBuffers& of_step);
   void Upload(const FeatureRowsState& rows);
-  // Smooths all features over the drawn neighbours into smoothed_.
-  void SmoothAll(DeviceSpan<const float> features, uint32_t drawn);
+  // Smooths all features over the drawn neighbours into the buffer that it returns.
+  const Buffer<float>& SmoothAll(DeviceSpan<const float> features, uint32_t drawn);
   // Returns all features, up to date; 0 where no sample has touched the Gaussian yet.
   std::vector<float> TouchedFeatures();
   FeatureState State() {
@@ -108,15 +126,13 @@ class FeatureOptimizer {
   int step_ = 0;  // updates done
   bool smooths_;  // false after EndSmoothing
   FeatureRates rates_;
-  Buffer<float> correction_;                    // [num_steps + 1] see FeatureRates
-  Buffer<float> features_, moment1_, moment2_;  // [N, 32]
-  Buffer<int32_t> last_step_;                   // [N]
-  Buffer<float> smoothed_, inv_length_;         // [N, 32], [N]: see SmoothFeaturesArgs
-  Buffer<float> gate_, gate_moment1_, gate_moment2_, gate_grad_;  // see NumGateNumbers
-  // The batch: [pixels, 32] and [Gaussians that it reaches, 32].
-  Buffer<float> pixel_features_, pixel_grad_, sum_grad_;
-  Buffer<double> sums_;  // [kMaxUnreadFeatureSteps, kNumPairLossSums]
-  int num_unread_ = 0;   // steps since the last ReadLosses
+  Buffer<float> correction_;                          // [num_steps + 1] see FeatureRates
+  Buffer<float> features_, moment1_, moment2_;        // [N, 32]
+  Buffer<int32_t> last_step_;                         // [N]
+  Buffer<float> gate_, gate_moment1_, gate_moment2_;  // see NumGateNumbers
+  std::vector<StepBuffers> buffers_;                  // of the steps that are done at once
+  Buffer<double> sums_;                               // [kMaxUnreadFeatureSteps, kNumPairLossSums]
+  int num_unread_ = 0;                                // steps since the last ReadLosses
 };
 
 }  // namespace pepeseg

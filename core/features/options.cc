@@ -4,6 +4,7 @@
 
 #include "core/base/errors.h"
 #include "core/base/status_macros.h"
+#include "kernels/backend.h"
 #include "kernels/ops/feature.h"
 #include "kernels/ops/smooth.h"
 
@@ -12,6 +13,7 @@ namespace pepeseg {
 void VisitOptions(FeatureOptions& o, OptionVisitor visit) {
   constexpr double kMaxCosine = 0.9999;
   visit({"num_steps", &o.num_steps, Range{1, 10'000'000}});
+  visit({"views_at_once", &o.views_at_once, Range{0, kMaxBranches}});
   visit({"num_pixels", &o.num_pixels, Range{2, 16'384}});  // 2: a pair takes two pixels
   visit({"mask_share", &o.mask_share, Range{0, 1}});
   visit({"num_background_pixels", &o.num_background_pixels, Range{0, 16'384}});

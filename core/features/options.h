@@ -26,6 +26,10 @@ enum class PerceptionThreshold {
 struct FeatureOptions {
   // Number of optimisation steps, one training view each.
   int num_steps = 10000;
+  // Number of steps that are done at once: each finds its gradient with the same features, and then
+  // the updates of the steps follow each other. 0: as many as the device can do at once, see
+  // FeatureStepsAtOnce; 1 on a CPU.
+  int views_at_once = 0;
   // Number of pixels sampled in a step under masks that have a scale.
   int num_pixels = 1000;
   // Share of num_pixels that is drawn by mask, each mask with the same probability, so that small
@@ -138,11 +142,11 @@ struct FeatureOptions {
   // ShareScales. False: each mask has its own. Measured: tests/bench/results/priors.md.
   bool share_scales = true;
   // Number of steps whose samples are drawn together, so that each view is rasterised once for
-  // them. Their blend rows are kept, 1 to 3 MB per step.
-  int steps_per_chunk = 750;
+  // them. Their blend rows are kept, 1 to 3 MB per step; on a GPU those of two chunks.
+  int steps_per_chunk = 250;
   // Most training views that the steps of a chunk are drawn from: as many, spread evenly over the
   // capture, are rasterised for it. 0: all views.
-  int views_per_chunk = 64;
+  int views_per_chunk = 21;
   // Smallest relative fall of the loss over a window of at least 500 steps. With less, the rest of
   // the schedule is compressed into closing_share of the steps. 0: all steps are done.
   double min_loss_fall = 0.01;

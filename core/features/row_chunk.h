@@ -33,8 +33,8 @@ class RowChunk {
     DeviceSpan<const float> pair_share;
   };
 
-  // Returns whether all batches have been taken.
-  bool Exhausted() const { return next_ == batches_.size(); }
+  // Returns the number of batches that have not been taken.
+  int num_left() const { return static_cast<int>(batches_.size() - next_); }
   // Replaces the batches and rasterises their views. Waits for the device. RESOURCE_EXHAUSTED: the
   // blend rows do not fit into its memory.
   absl::Status Refill(std::vector<PixelBatch> batches, const Capture& capture, Renderer& scene,
@@ -42,8 +42,7 @@ class RowChunk {
   // Skips to the batch after the first num_steps of the chunk, at most to its end. To be called
   // after a Refill.
   void Skip(int num_steps) { next_ = std::min(batches_.size(), static_cast<size_t>(num_steps)); }
-  // Returns what the next batch's step reads, valid until the next Refill. Must not be called if
-  // Exhausted().
+  // Returns what the next batch's step reads, valid until the next Refill. One must be left.
   Step Next();
 
  private:

@@ -13,7 +13,9 @@ namespace {
 
 // Returns the largest number of steps that are queued before the host waits for their losses.
 // At most kMaxUnreadFeatureSteps, with a queue depth of 8 on CUDA and 0 on the CPU.
-int StepsUnread(const Backend& backend) { return std::max(1, 4 * backend.queue_depth()); }
+int StepsUnread(const Backend& backend, int steps_at_once) {
+  return std::max(steps_at_once, 4 * backend.queue_depth());
+}
 
 // Sets the confidence of Gaussians without a feature to 1. No mask ever reached them, and that they
 // belong to no mask is certain: they must occlude what is behind them.
@@ -96,17 +98,30 @@ absl::Status FeatureTrainer::Restore(const FeatureCheckpoint& checkpoint) {
 
 // Never steps over the end of a window, so that the losses can be reviewed there.
 int FeatureTrainer::StepsAhead() const {
-  return std::min({num_steps() - step_, StepsUnread(backend_), window_ - step_ % window_});
+  return std::min({num_steps() - step_, StepsUnread(backend_, optimizer_.steps_at_once()),
+                   window_ - step_ % window_});
+}
+
+// Nothing but updates changes features between steps that are done at once.
+int FeatureTrainer::StepsAtOnce(int end) const {
+  int num = 1;
+  while (num < optimizer_.steps_at_once() && step_ + num < end &&
+         step_ + num != NumSmoothedSteps(options_) &&
+         !optimizer_.CentroidsAreDue(step_ + num + left_out_.num)) {
+    ++num;
+  }
+  return num;
 }
 
 absl::StatusOr<StepReports> FeatureTrainer::Step() {
   const int end = step_ + StepsAhead();
-  for (; step_ < end; ++step_) {
-    ASSIGN_OR_RETURN(const RowChunk::Step step, batches_.Next());
+  while (step_ < end) {
+    ASSIGN_OR_RETURN(const std::vector<RowChunk::Step> steps, batches_.Next(StepsAtOnce(end)));
     if (step_ == NumSmoothedSteps(options_)) optimizer_.EndSmoothing();
     // Skipped steps count as done, so that the last share of the schedule has the centroid loss.
     RETURN_IF_ERROR(optimizer_.RefreshCentroids(step_ + left_out_.num));
-    optimizer_.Train(step);
+    optimizer_.Train(steps);
+    step_ += static_cast<int>(steps.size());
   }
   const std::vector<double> losses = optimizer_.ReadLosses();
   ReviewLosses(losses);

@@ -67,6 +67,8 @@ class FeatureTrainer {
   int num_steps() const { return options_.num_steps - left_out_.num; }
   // Returns how many steps to queue before the host waits for their losses.
   int StepsAhead() const;
+  // Returns how many of the steps before `end` to do at once.
+  int StepsAtOnce(int end) const;
   // Ends the schedule early if the losses have stopped falling.
   void ReviewLosses(std::span<const double> losses);
   void LeaveOut(const LeftOutSteps& steps);

@@ -77,6 +77,7 @@ void SetPaperFeatures(FeatureOptions& options) {
   options.num_pixels = 1000;
   options.mask_share = 0;
   options.views_per_chunk = 0;
+  options.views_at_once = 1;
   options.num_background_pixels = 0;
   options.fine_first = 0;
   options.negative_margin = 0;

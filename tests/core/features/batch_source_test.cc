@@ -38,9 +38,10 @@ class BatchSourceTest : public ::testing::TestWithParam<bool> {
   static std::vector<Inputs> Take(BatchSource& source, int num_steps) {
     std::vector<Inputs> inputs;
     for (int i = 0; i < num_steps; ++i) {
-      const auto step = source.Next();
-      EXPECT_OK(step);
-      if (!step.ok()) break;
+      const auto steps = source.Next(/*most=*/1);
+      EXPECT_OK(steps);
+      if (!steps.ok()) break;
+      const RowChunk::Step* step = &steps->front();
       const DeviceSpan<const int32_t> first = step->rows.first;
       inputs.push_back(
           {step->batch->pixels,

@@ -37,15 +37,15 @@ const Gaussians& Points() {
   return gaussians;
 }
 
-std::unique_ptr<FeatureTrainer> Fresh(Backend& backend) {
-  return FeatureTrainer::Create(backend, Synthetic(), Points(), kOptions).value();
+std::unique_ptr<FeatureTrainer> Fresh(Backend& backend, const FeatureOptions& options = kOptions) {
+  return FeatureTrainer::Create(backend, Synthetic(), Points(), options).value();
 }
 
 absl::Status Proceed(const StepReport&) { return absl::OkStatus(); }
 
-FeatureCheckpoint CheckpointAt(int step) {
+FeatureCheckpoint CheckpointAt(int step, const FeatureOptions& options = kOptions) {
   const auto backend = MakeCpuBackend(2);
-  const auto stage = Fresh(*backend);
+  const auto stage = Fresh(*backend, options);
   while (stage->step() < step) EXPECT_OK(stage->Step());
   return stage->Save().value();
 }
@@ -79,6 +79,23 @@ TEST(FeatureCheckpoint, ResumesToTheBytesOfAnUnbrokenRun) {
     EXPECT_EQ(got.features, want.features);
     EXPECT_EQ(got.gate, want.gate);
     EXPECT_EQ(got.scale_quantiles, want.scale_quantiles);
+  }
+}
+
+// Groups of three steps end early with a chunk, with smoothing, and before centroids are refreshed.
+TEST(FeatureCheckpoint, ResumesToTheBytesOfARunOfSeveralStepsAtOnce) {
+  const auto backend = MakeCpuBackend(2);
+  FeatureOptions options = kOptions;
+  options.views_at_once = 3;
+  ASSERT_OK_AND_ASSIGN(const FeatureField want, RunSteps(*Fresh(*backend, options), Proceed));
+  for (const int step : {3, 7, 20, 24, 37}) {
+    SCOPED_TRACE(step);
+    const FeatureCheckpoint checkpoint = WriteAndRead(CheckpointAt(step, options));
+    ASSERT_OK_AND_ASSIGN(const auto resumed, FeatureTrainer::Resume(*backend, Synthetic(), Points(),
+                                                                    options, checkpoint));
+    ASSERT_OK_AND_ASSIGN(const FeatureField got, RunSteps(*resumed, Proceed));
+    EXPECT_EQ(got.features, want.features);
+    EXPECT_EQ(got.gate, want.gate);
   }
 }
 

@@ -266,8 +266,11 @@ TEST(FeatureTrainer, OnCudaLearnsWhatTheCpuLearns) {
   if (cuda == nullptr) GTEST_SKIP() << "this machine has no Cuda";
   const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  // On both devices, because a step of several at once has features without the others' updates.
+  FeatureOptions options = kShort;
+  options.views_at_once = 2;
   const auto train = [&](Backend& backend, double& mean_loss) {
-    return testing::TrainFeatures(backend, capture, gaussians, kShort,
+    return testing::TrainFeatures(backend, capture, gaussians, options,
                                   [&](const StepReport& report) {
                                     mean_loss += report.loss / kShort.num_steps;
                                     return absl::OkStatus();
@@ -287,6 +290,29 @@ TEST(FeatureTrainer, OnCudaLearnsWhatTheCpuLearns) {
   ASSERT_OK_AND_ASSIGN(const FeatureField once_more, train(*cuda, again));
   EXPECT_EQ(got.features, once_more.features);
   EXPECT_EQ(got.gate, once_more.gate);
+}
+
+// What the steps of a group do not see is one update of each other.
+TEST(FeatureTrainer, LearnsAlmostTheSameFromSeveralStepsAtOnce) {
+  const Capture capture = CaptureWithGaps();
+  const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
+  const auto backend = MakeCpuBackend(2);
+  const auto train = [&](int views_at_once, double& last_loss) {
+    FeatureOptions options = kShort;
+    options.num_steps = 200;
+    options.steps_per_chunk = 50;
+    options.views_at_once = views_at_once;
+    return testing::TrainFeatures(*backend, capture, gaussians, options,
+                                  [&](const StepReport& report) {
+                                    if (report.step > 160) last_loss += report.loss / 40;
+                                    return absl::OkStatus();
+                                  });
+  };
+  double loss = 0, loss_at_once = 0;
+  ASSERT_OK_AND_ASSIGN(const FeatureField one, train(1, loss));
+  ASSERT_OK_AND_ASSIGN(const FeatureField four, train(4, loss_at_once));
+  EXPECT_NE(four.features, one.features);
+  EXPECT_NEAR(loss_at_once, loss, 0.05);
 }
 
 std::vector<std::string> SkippedOf(const Capture& capture, const FeatureOptions& options) {
