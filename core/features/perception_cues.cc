@@ -26,18 +26,20 @@ constexpr size_t kNearest = 8;
 // Smaller scales use the first samples only, at least kMinSamples.
 constexpr int kNumSamples = 64, kMinSamples = 8;
 
-struct Offset {
-  float x, y;  // in the unit disc
-};
-// Returns the samples from the centre outwards: steps of the golden angle, evenly growing radii.
-std::array<Offset, kNumSamples> Spiral() {
+// Columns and rows from the pixel to each sample.
+using Spiral = std::array<std::array<int, 2>, kNumSamples>;
+// Returns the samples from the centre outwards: steps of the golden angle, radii that grow evenly
+// up to `radius`.
+Spiral SpiralOf(float radius) {
   // pi (3 - sqrt 5): no two samples lie in the same direction, whatever their number.
   constexpr double kGoldenAngle = 2.399963229728653;
-  std::array<Offset, kNumSamples> spiral;
+  const auto scaled = [radius](double share) {
+    return static_cast<int>(std::lround(radius * static_cast<float>(share)));
+  };
+  Spiral spiral;
   for (int i = 0; i < kNumSamples; ++i) {
-    const double radius = (i + 0.5) / kNumSamples, angle = kGoldenAngle * i;
-    spiral[i] = {static_cast<float>(radius * std::cos(angle)),
-                 static_cast<float>(radius * std::sin(angle))};
+    const double share = (i + 0.5) / kNumSamples, angle = kGoldenAngle * i;
+    spiral[i] = {scaled(share * std::cos(angle)), scaled(share * std::sin(angle))};
   }
   return spiral;
 }
@@ -162,41 +164,6 @@ std::vector<PerceptionCues::Pair> PerceptionCues::NearPairs(const PixelBatch& ba
   return pairs;
 }
 
-// With kDifferences the samples are compared with the pixel itself. With kGradients each sample is
-// compared with its neighbour on the right or below, by turns.
-PerceptionCues::Usual PerceptionCues::UsualAbout(const PixelBatch& batch, int32_t pixel,
-                                                 std::span<const float> radii) const {
-  static const std::array<Offset, kNumSamples> kSpiral = Spiral();
-  const View& view = capture_.views[batch.view];
-  const int width = view.camera.width, height = view.camera.height;
-  const float max_radius = *std::max_element(radii.begin(), radii.end());
-  std::array<Spread, kNumSamples + 1> depth, color;  // [i]: of the first i samples
-  for (int i = 0; i < kNumSamples; ++i) {
-    // Running statistics: one pass serves all radii, because a smaller radius uses a prefix of the
-    // samples.
-    depth[i + 1] = depth[i];
-    color[i + 1] = color[i];
-    const int x = pixel % width + static_cast<int>(std::lround(max_radius * kSpiral[i].x));
-    const int y = pixel / width + static_cast<int>(std::lround(max_radius * kSpiral[i].y));
-    const bool gradients = threshold_ == PerceptionThreshold::kGradients;
-    // The last column and scanline are left out for both kinds: kGradients reads one pixel further.
-    if (x < 0 || y < 0 || x + 1 >= width || y + 1 >= height) continue;
-    const int64_t at = int64_t{y} * width + x;
-    const int64_t neighbor = gradients ? at + (i % 2 == 0 ? 1 : width) : pixel;
-    const float difference = std::abs(view.depth.values[at] - view.depth.values[neighbor]);
-    if (!std::isnan(difference)) depth[i + 1].Add(difference);
-    color[i + 1].Add(ColorDifference(view.photo, at, neighbor));
-  }
-  Usual usual = {};
-  for (size_t k = 0; k < radii.size(); ++k) {
-    const int count =
-        std::clamp(static_cast<int>(kNumSamples * radii[k] / max_radius), kMinSamples, kNumSamples);
-    usual.depth[k] = std::max(depth_floor_, depth[count].OneAboveMean());
-    usual.color[k] = std::max(color_floor_, color[count].OneAboveMean());
-  }
-  return usual;
-}
-
 // Keeps the thresholds and sights of pixels, because most pixels are in several pairs.
 class PerceptionCues::Judge {
  public:
@@ -205,6 +172,8 @@ class PerceptionCues::Judge {
         view_(cues.capture_.views[batch.view]),
         batch_(batch),
         radii_(radii),
+        max_radius_(*std::ranges::max_element(radii)),
+        spiral_(SpiralOf(max_radius_)),
         usual_(batch.pixels.size()),
         sight_(batch.pixels.size()) {}
 
@@ -282,8 +251,40 @@ class PerceptionCues::Judge {
     return same;
   }
   const Usual& UsualAbout(int32_t p) {
-    if (!usual_[p]) usual_[p] = cues_.UsualAbout(batch_, batch_.pixels[p], radii_);
+    if (!usual_[p]) usual_[p] = MeasureAbout(batch_.pixels[p]);
     return *usual_[p];
+  }
+  // Returns the thresholds of a pixel, y * width + x. With kDifferences the samples are compared
+  // with the pixel itself. With kGradients each sample is compared with its neighbour on the right
+  // or below, by turns.
+  Usual MeasureAbout(int32_t pixel) const {
+    const int width = view_.camera.width, height = view_.camera.height;
+    const int pixel_x = pixel % width, pixel_y = pixel / width;
+    const bool gradients = cues_.threshold_ == PerceptionThreshold::kGradients;
+    std::array<Spread, kNumSamples + 1> depth, color;  // [i]: of the first i samples
+    for (int i = 0; i < kNumSamples; ++i) {
+      // Running statistics: one pass serves all radii, because a smaller radius uses a prefix of
+      // the samples.
+      depth[i + 1] = depth[i];
+      color[i + 1] = color[i];
+      const int x = pixel_x + spiral_[i][0], y = pixel_y + spiral_[i][1];
+      // The last column and scanline are left out for both kinds: kGradients reads one pixel
+      // further.
+      if (x < 0 || y < 0 || x + 1 >= width || y + 1 >= height) continue;
+      const int64_t at = int64_t{y} * width + x;
+      const int64_t neighbor = gradients ? at + (i % 2 == 0 ? 1 : width) : pixel;
+      const float difference = std::abs(view_.depth.values[at] - view_.depth.values[neighbor]);
+      if (!std::isnan(difference)) depth[i + 1].Add(difference);
+      color[i + 1].Add(ColorDifference(view_.photo, at, neighbor));
+    }
+    Usual usual = {};
+    for (size_t k = 0; k < radii_.size(); ++k) {
+      const int count = std::clamp(static_cast<int>(kNumSamples * radii_[k] / max_radius_),
+                                   kMinSamples, kNumSamples);
+      usual.depth[k] = std::max(cues_.depth_floor_, depth[count].OneAboveMean());
+      usual.color[k] = std::max(cues_.color_floor_, color[count].OneAboveMean());
+    }
+    return usual;
   }
   const CrossView::Sight& SightOf(int32_t p) {
     if (!sight_[p]) sight_[p] = cues_.cross_view_.Look(batch_.view, batch_.pixels[p]);
@@ -294,6 +295,8 @@ class PerceptionCues::Judge {
   const View& view_;
   const PixelBatch& batch_;
   std::span<const float> radii_;
+  const float max_radius_;
+  const Spiral spiral_;
   std::vector<std::optional<Usual>> usual_;
   std::vector<std::optional<CrossView::Sight>> sight_;
 };

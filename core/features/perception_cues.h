@@ -54,8 +54,6 @@ class PerceptionCues {
   // Returns up to about 16 pairs of each pixel that starts pairs, all within `radius` pixels,
   // without cues.
   std::vector<Pair> NearPairs(const PixelBatch& batch, float radius) const;
-  // Returns the thresholds of a pixel, y * width + x. radii: see Radii.
-  Usual UsualAbout(const PixelBatch& batch, int32_t pixel, std::span<const float> radii) const;
 
   const Capture& capture_;
   const CrossView& cross_view_;
