@@ -152,6 +152,7 @@ class Backend {
   virtual void ImageLoss(const ImageLossArgs& args) = 0;
   virtual void DepthLoss(const DepthLossArgs& args) = 0;
   virtual void RenderBackward(const RenderBackwardArgs& args) = 0;
+  virtual void AddWeights(const AddWeightsArgs& args) = 0;
   virtual void Update(const UpdateArgs& args) = 0;
   virtual void RefineGaussians(const RefineGaussiansArgs& args) = 0;
   // Density control (kernels/ops/density.h).

@@ -122,6 +122,7 @@ class CudaBackend final : public Backend {
   void ImageLoss(const ImageLossArgs& args) override;
   void DepthLoss(const DepthLossArgs& args) override;
   void RenderBackward(const RenderBackwardArgs& args) override;
+  void AddWeights(const AddWeightsArgs& args) override;
   void Update(const UpdateArgs& args) override;
   void RefineGaussians(const RefineGaussiansArgs& args) override;
   void PlanDensity(const PlanDensityArgs& args) override;

@@ -154,6 +154,18 @@ struct RenderBackwardArgs {
   RenderScratch* scratch = nullptr;
 };
 
+// Adds the gradients of the visible splats' colours to sums of their Gaussians. Runs after a
+// RenderBackward with the same scratch. Changes nothing after an overflowed render.
+//
+// The colour of a pixel is the sum of weight * colour over its splats. So where the gradient of a
+// channel is 1 at some pixels and 0 at the others, that of a splat's colour is the sum of its blend
+// weights at those pixels: up to three sets of pixels in one backward pass, and no blend rows.
+struct AddWeightsArgs {
+  const RenderScratch* scratch = nullptr;
+  int num_planes = 1;      // 1..3: red, red and green, or all channels
+  DeviceSpan<float> sums;  // [num_planes, N] in and out
+};
+
 // Learning rates of Adam by group of planes, in units of the stored parameters (gaussian_planes.h);
 // that of the mean is in scene units.
 struct LearningRates {

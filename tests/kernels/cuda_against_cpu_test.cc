@@ -289,6 +289,9 @@ TEST_F(CudaAgainstCpuTest, ChangesNothingAfterAnOverflowedRender) {
   cuda_->Update(scene.MakeUpdateArgs());
   EXPECT_EQ(Download(scene.gaussians), host.planes);
   EXPECT_EQ(Download(scene.num_steps), std::vector<int32_t>(500));
+  Buffer<float> sums = Upload(*cuda_, std::vector<float>(500, 3));
+  cuda_->AddWeights({.scratch = &scene.scratch, .num_planes = 1, .sums = sums.span()});
+  EXPECT_EQ(Download(sums), std::vector<float>(500, 3));
 
   // A step of another view, which has not overflowed, is done all the same.
   Rendered other(*cuda_, host, TestView(120, 150));
