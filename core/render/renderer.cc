@@ -179,7 +179,7 @@ void Renderer::Render(const Viewpoint& view, const Pass& pass) {
                    .color = color_.span(),
                    .alpha = pass.with_depth ? alpha_.span() : DeviceSpan<float>(),
                    .depth = pass.with_depth ? depth_.span() : DeviceSpan<float>(),
-                   .for_backward = false});
+                   .for_backward = pass.for_backward});
 }
 
 DeviceSpan<const float> Renderer::ColorPlanes(const Viewpoint& view, const GaussianSet* subset) {
@@ -187,11 +187,15 @@ DeviceSpan<const float> Renderer::ColorPlanes(const Viewpoint& view, const Gauss
   return color_.span();
 }
 
-Image Renderer::Color(const Viewpoint& view, const GaussianSet* subset) {
+std::vector<float> Renderer::HostColorPlanes(const Viewpoint& view, const GaussianSet* subset) {
   ColorPlanes(view, subset);
   std::vector<float> planes(static_cast<size_t>(3 * NumPixels(view)));
   color_.Download(std::span<float>(planes));
-  return ImageOfPlanes(view.camera.width, view.camera.height, planes);
+  return planes;
+}
+
+Image Renderer::Color(const Viewpoint& view, const GaussianSet* subset) {
+  return ImageOfPlanes(view.camera.width, view.camera.height, HostColorPlanes(view, subset));
 }
 
 // The backend blends z with the weights of colour; divided by alpha that is the mean depth.
@@ -219,6 +223,17 @@ CapturedRows Renderer::Rows(const Viewpoint& view, std::span<const int32_t> pixe
                             const GaussianSet* subset) {
   Render(view, {.subset = subset});
   return Capture(pixels);
+}
+
+void Renderer::RenderBackward(const Viewpoint& view, DeviceSpan<const float> color_grad) {
+  Render(view, {.for_backward = true});
+  backend_.RenderBackward({.view = ToPinholeView(view.camera, view.cam_from_world),
+                           .color_grad = color_grad,
+                           .scratch = &scratch_});
+}
+
+void Renderer::AddWeights(DeviceSpan<float> sums, int num_planes) {
+  backend_.AddWeights({.scratch = &scratch_, .num_planes = num_planes, .sums = sums});
 }
 
 // Lists for each pixel the Gaussians and weights that the latest render blended.

@@ -78,6 +78,8 @@ class Renderer {
   // Returns the colours in backend memory, [3, height, width], in [0, 1] before clamping, valid
   // until the next call.
   DeviceSpan<const float> ColorPlanes(const Viewpoint& view, const GaussianSet* subset = nullptr);
+  // Returns the same on the host. Waits for the backend.
+  std::vector<float> HostColorPlanes(const Viewpoint& view, const GaussianSet* subset = nullptr);
   // Returns the view as an RGB image.
   Image Color(const Viewpoint& view, const GaussianSet* subset = nullptr);
   // Returns the depth along the optical axis, scene units, [height, width]; 0 where the accumulated
@@ -94,6 +96,12 @@ class Renderer {
   // Returns the segment that each pixel shows, [height, width]: see IdsOfRows.
   std::vector<int32_t> Ids(const Viewpoint& view, std::span<const int32_t> ids,
                            const GaussianSet* subset = nullptr);
+  // Renders the view for backward and finds the gradients of its splats, for AddWeights, from those
+  // of the colours: color_grad, [3, height, width].
+  void RenderBackward(const Viewpoint& view, DeviceSpan<const float> color_grad);
+  // Adds the gradients of the splats' colours after the latest RenderBackward to `sums`,
+  // [num_planes, num_gaussians]: see AddWeightsArgs.
+  void AddWeights(DeviceSpan<float> sums, int num_planes);
 
   // Frees the memory of a view with more than MostPixels pixels; without such a view does nothing.
   void ReleaseOversized();
@@ -103,6 +111,7 @@ class Renderer {
     int sh_degree = 0;
     const GaussianSet* subset = nullptr;
     bool with_depth = false;
+    bool for_backward = false;
   };
   void Render(const Viewpoint& view, const Pass& pass);
   CapturedRows Capture(std::span<const int32_t> pixels);
