@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "core/features/feature_optimizer.h"
-#include "core/features/gaussian_coverage.h"
 #include "core/render/renderer.h"
+#include "core/render/weight_sums.h"
 #include "kernels/buffer.h"
 
 namespace pepeseg {
@@ -29,6 +29,18 @@ int64_t SamplesInChunk(const FeatureOptions& options) {
   return std::min<int64_t>(options.steps_per_chunk, longest) * SamplesOf(options);
 }
 
+// Returns the backend memory that MeasureCoverage takes, bytes. scratch: of the largest view.
+int64_t CoverageBytes(const Backend& backend, const ScratchSize& scratch) {
+  const bool is_small = scratch.num_pixels <= kMaxWeightPixels;
+  ScratchSize shrunk = is_small ? scratch : TypicalScratch(scratch.num_gaussians, kMaxWeightPixels);
+  shrunk.for_backward = true;
+  // A Gaussian takes its planes, two sums over all views and one of a view. A pixel takes its
+  // colour and the gradient of it.
+  constexpr int64_t kGaussian = (NumPlanes(0) + 3) * kFloat, kPixel = 2 * 3 * kFloat;
+  return scratch.num_gaussians * kGaussian + WithReserve(shrunk.num_pixels * kPixel) +
+         backend.ScratchBytes(shrunk);
+}
+
 }  // namespace
 
 int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, int sh_degree,
@@ -44,16 +56,14 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   const int64_t reached = kTypicalRow / 2;
   const int64_t sample = BytesOfRow(rows.first, rows.alpha) + 2 * kTypicalRow * entry +
                          reached * (2 + options.num_drawn_neighbors + 2) * kInt + kLabels;
-  // A Gaussian takes its planes, four vectors of 32 numbers (feature, two moments, and the copy
-  // that FeatureOptimizer::Export smooths), a smoothed feature and its length for each step that is
-  // done at once, its last step and its neighbours. A view takes colour, alpha and depth.
+  // While it trains, a Gaussian takes four vectors of 32 numbers (feature, two moments, and the
+  // copy that FeatureOptimizer::Export smooths), a smoothed feature and its length for each step
+  // that is done at once, its last step and its neighbours. A view takes colour, alpha and depth.
   const int64_t at_once = FeatureStepsAtOnce(backend, scratch.num_gaussians, options);
   const int64_t gaussian =
-      (NumPlanes(sh_degree) + (4 + at_once) * kFeatureSize + at_once) * kFloat +
-      (1 + options.num_neighbors) * kInt;
+      ((4 + at_once) * kFeatureSize + at_once) * kFloat + (1 + options.num_neighbors) * kInt;
   const int64_t image = WithReserve(5 * kFloat * scratch.num_pixels);
-  // The next chunk has renders of its own.
-  const int64_t renders = NumChunks(backend) * (image + backend.ScratchBytes(render));
+  const int64_t one_render = image + backend.ScratchBytes(render);
   // A batch takes features and gradients of its pixels, gradients of the Gaussians that it reaches,
   // the bits of each pair, and partial sums of gradients at each scale.
   const int64_t pixels = SamplesOf(options);
@@ -61,9 +71,14 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   const int64_t batch = pixels * (2 + reached) * kFeatureSize * kFloat +
                         pixels * pixels * kPairBytes +
                         kParts * options.num_scales * (pixels + 64) * kFeatureSize * kFloat;
-  return scratch.num_gaussians * gaussian + renders +
-         NumChunks(backend) * WithReserve(SamplesInChunk(options) * sample) +
-         at_once * WithReserve(batch) + (int64_t{options.num_steps} + 1) * kFloat;
+  // The chunks that are rasterised ahead have a render of their own.
+  const int64_t chunks = NumChunks(backend);
+  const int64_t training = scratch.num_gaussians * gaussian + (chunks - 1) * one_render +
+                           chunks * WithReserve(SamplesInChunk(options) * sample) +
+                           at_once * WithReserve(batch) + (int64_t{options.num_steps} + 1) * kFloat;
+  // The planes and the render of a view stay from the preparation to the end of the training.
+  return scratch.num_gaussians * NumPlanes(sh_degree) * kFloat + one_render +
+         std::max(training, CoverageBytes(backend, scratch));
 }
 
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options) {
@@ -71,9 +86,10 @@ int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const Featur
   const int64_t gaussian = (NumPlanes(sh_degree) + 2 * kFeatureSize) * kFloat;
   // Pixel, weight and mask cell of a sample, and its share of the labels.
   constexpr int64_t kSample = 64;
-  // Rows of uncovered pixels, see FindUncovered.
-  constexpr int64_t kRows = kMaxKeptEntries * int64_t{sizeof(int32_t) + sizeof(float)};
-  return scratch.num_gaussians * gaussian + SamplesInChunk(options) * kSample + kRows;
+  // Pixels of a shrunk view, its colours and their gradients: see MeasureCoverage, whose copy of
+  // the Gaussians takes less than their features.
+  constexpr int64_t kWeightView = kMaxWeightPixels * 2 * (3 * kFloat + 1);
+  return scratch.num_gaussians * gaussian + SamplesInChunk(options) * kSample + kWeightView;
 }
 
 }  // namespace pepeseg

@@ -14,7 +14,7 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
                            const FeatureOptions& options);
 
 // Returns what stage two takes of host memory next to the capture, bytes: the samples of a chunk,
-// the model, and the features.
+// the model, the features, and the pixels of a shrunk view.
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options);
 
 // Number of Gaussians that are assumed to be blended into a pixel. Medians of 30 to 40 were

@@ -1,179 +1,193 @@
 #include "core/features/gaussian_coverage.h"
 
 #include <algorithm>
-#include <optional>
 #include <span>
-#include <utility>
 
-#include "core/base/behind.h"
 #include "core/features/mask_scales.h"
 #include "core/render/renderer.h"
+#include "core/render/weight_sums.h"
+#include "kernels/buffer.h"
+#include "kernels/math/sh.h"
 
 namespace pepeseg {
 namespace {
 
-constexpr double kMaxCellsOfView = 16'384;  // pixels that are looked at in a view, on a grid
-constexpr double kMaxCoverage = 0.1;        // of a background pixel, see Coverage
-constexpr double kMinAlpha = 0.5;           // of a pixel whose coverage is known
+constexpr double kMaxGridPixels = 16'384;  // of a view that are listed as uncovered
+constexpr float kMaxCoverage = 0.1f;       // of a background pixel, see UncoveredPixels
+constexpr float kMinAlpha = 0.5f;          // of a pixel whose coverage is known
+
+constexpr size_t kMaxViews = 64;  // views that are looked at for the confidence
+// A view shows a Gaussian whose blend weights sum to more than kMinWeight on a grid of up to
+// kMaxCells of its pixels. The limit on a sum over all pixels is larger in proportion.
+constexpr double kMinWeight = 0.01;
+constexpr double kMaxCells = 32'768;
+constexpr float kMinViewShare = 1.0f / 6;  // of the views that are looked at
+constexpr float kOfUnseen = 0.005f;        // smallest confidence
 
 // Cell 0 of a MaskSet is covered by no mask.
 bool IsCovered(const MaskSet& masks, int32_t pixel) { return masks.pixel_cell[pixel] != 0; }
 
-// Measures which share of each Gaussian lies under masks, over all views: the blending weights in
-// covered pixels, divided by those in all pixels.
-class Coverage {
- public:
-  explicit Coverage(int64_t num_gaussians)
-      : covered_(static_cast<size_t>(num_gaussians)), seen_(static_cast<size_t>(num_gaussians)) {}
-
-  // Adds the pixels of a view. rows: their blend rows.
-  void Add(const MaskSet& masks, std::span<const int32_t> pixels, const PixelRows& rows) {
-    for (size_t i = 0; i < rows.num_rows(); ++i) {
-      const bool covered = IsCovered(masks, pixels[i]);
-      for (int32_t e = rows.first[i]; e < rows.first[i + 1]; ++e) {
-        seen_[rows.gaussian[e]] += rows.weight[e];
-        if (covered) covered_[rows.gaussian[e]] += rows.weight[e];
-      }
-    }
+// Returns the numbers of the views that stage two learns from.
+std::vector<size_t> TrainedNumbers(const Capture& capture) {
+  std::vector<size_t> trained;
+  for (size_t v = 0; v < capture.views.size(); ++v) {
+    if (IsTrained(capture.views[v])) trained.push_back(v);
   }
-
-  // Returns the share of a pixel, in [0, 1]: the mean over the Gaussians blended there, by weight.
-  // None where alpha is at most kMinAlpha.
-  std::optional<double> OfRow(const PixelRows& rows, size_t row) const {
-    double sum = 0, alpha = 0;
-    for (int32_t e = rows.first[row]; e < rows.first[row + 1]; ++e) {
-      const int32_t gaussian = rows.gaussian[e];
-      alpha += double{rows.weight[e]};
-      // A Gaussian that the sampled pixels of no view show counts as uncovered.
-      if (seen_[gaussian] > 0) {
-        sum += double{rows.weight[e]} * double{covered_[gaussian]} / double{seen_[gaussian]};
-      }
-    }
-    if (alpha <= kMinAlpha) return std::nullopt;
-    return sum / alpha;
-  }
-
- private:
-  std::vector<float> covered_, seen_;  // [num_gaussians] sums of blend weights
-};
-
-// Returns the rows of these numbers.
-PixelRows RowsOf(const PixelRows& rows, std::span<const size_t> numbers) {
-  PixelRows chosen;
-  chosen.first.push_back(0);
-  for (const size_t row : numbers) {
-    const auto begin = rows.first[row], end = rows.first[row + 1];
-    chosen.gaussian.insert(chosen.gaussian.end(), rows.gaussian.begin() + begin,
-                           rows.gaussian.begin() + end);
-    chosen.weight.insert(chosen.weight.end(), rows.weight.begin() + begin,
-                         rows.weight.begin() + end);
-    chosen.first.push_back(static_cast<int32_t>(chosen.gaussian.size()));
-  }
-  return chosen;
+  return trained;
 }
 
-// The grid pixels of a view that lie under no mask.
-struct UncoveredGrid {
-  std::vector<int32_t> pixels;
-  std::optional<PixelRows> rows;  // if there was room
-};
-
-// keep_rows: there is room for them.
-UncoveredGrid UncoveredOf(const MaskSet& masks, std::span<const int32_t> pixels,
-                          const PixelRows& rows, bool keep_rows) {
-  UncoveredGrid grid;
-  std::vector<size_t> numbers;
-  for (size_t i = 0; i < rows.num_rows(); ++i) {
-    if (IsCovered(masks, pixels[i])) continue;
-    grid.pixels.push_back(pixels[i]);
-    numbers.push_back(i);
-  }
-  if (keep_rows) grid.rows = RowsOf(rows, numbers);
-  return grid;
-}
-
-constexpr size_t kMaxViews = 64;      // views that are looked at
-constexpr double kMaxCells = 32'768;  // pixels that are looked at in a view, on a grid
-// Sum of a Gaussian's blending weights over these pixels above which the view shows it.
-constexpr float kMinWeight = 0.01f;
-constexpr float kMinViewShare = 1.0f / 6;  // of the views that are looked at: see FeatureConfidence
-constexpr float kOfUnseen = 0.005f;        // smallest confidence
-
-// Returns up to kMaxViews of the views that stage two learns from, spread evenly.
-std::vector<const View*> SomeTrained(const Capture& capture) {
-  std::vector<const View*> all;
-  for (const View& view : capture.views) {
-    if (IsTrained(view)) all.push_back(&view);
-  }
-  const size_t num = std::min(kMaxViews, all.size());
-  std::vector<const View*> some;
-  for (size_t k = 0; k < num; ++k) some.push_back(all[k * all.size() / num]);
+// Returns up to kMaxViews of the views, spread evenly.
+std::vector<size_t> SomeOf(std::span<const size_t> views) {
+  const size_t num = std::min(kMaxViews, views.size());
+  std::vector<size_t> some;
+  for (size_t k = 0; k < num; ++k) some.push_back(views[k * views.size() / num]);
   return some;
 }
 
-}  // namespace
+// Returns the Gaussians with the colour of degree 0 alone.
+Gaussians WithoutShRest(const Gaussians& gaussians) {
+  const auto num_values = static_cast<int64_t>(NumPlanes(0)) * gaussians.count;
+  return {gaussians.count, 0, {gaussians.planes.begin(), gaussians.planes.begin() + num_values}};
+}
 
-std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
-                                           std::span<const MaskSet* const> masks, Renderer& scene) {
-  // All views are needed before the first pixel can be judged.
-  Coverage coverage(scene.num_gaussians());
-  std::vector<UncoveredGrid> uncovered(capture.views.size());
-  size_t num_kept = 0;
-  Behind behind;
-  for (size_t v = 0; v < capture.views.size(); ++v) {
-    const View& view = capture.views[v];
-    if (!IsTrained(view)) continue;
-    std::vector<int32_t> pixels = KnownGridPixels(view, kMaxCellsOfView);
-    PixelRows rows = ToHost(scene.Rows(view, pixels));
-    behind.Do([&, v, pixels = std::move(pixels), rows = std::move(rows)] {
-      coverage.Add(*masks[v], pixels, rows);
-      uncovered[v] = UncoveredOf(*masks[v], pixels, rows, num_kept < kMaxKeptEntries);
-      if (uncovered[v].rows) num_kept += uncovered[v].rows->gaussian.size();
-    });
+// The pixels of a shrunk view over which weights are summed.
+enum PixelSet {
+  kKnown,    // those that the view does not ignore
+  kCovered,  // those of them that are under a mask
+  kNumPixelSets
+};
+// Fills in `sets`, by PixelSet: 1 for the pixels of the set, 0 for the others.
+void FindPixels(const View& view, const MaskSet& masks, const WeightView& shrunk,
+                std::vector<uint8_t> (&sets)[kNumPixelSets]) {
+  const std::vector<int32_t> pixels = shrunk.FullPixels();
+  for (std::vector<uint8_t>& set : sets) set.resize(pixels.size());
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const bool known = view.ignore.empty() || view.ignore[pixels[i]] == 0;
+    sets[kKnown][i] = known ? 1 : 0;
+    sets[kCovered][i] = known && IsCovered(masks, pixels[i]) ? 1 : 0;
   }
-  behind.Wait();
-  std::vector<UncoveredPixels> found(capture.views.size());
-  for (size_t v = 0; v < capture.views.size(); ++v) {
-    UncoveredGrid& grid = uncovered[v];
-    if (grid.pixels.empty()) continue;
-    const PixelRows rows =
-        grid.rows ? *std::move(grid.rows) : ToHost(scene.Rows(capture.views[v], grid.pixels));
-    for (size_t i = 0; i < rows.num_rows(); ++i) {
-      const std::optional<double> covered = coverage.OfRow(rows, i);
-      if (!covered) continue;
-      (*covered < kMaxCoverage ? found[v].background : found[v].covered_elsewhere)
-          .push_back(grid.pixels[i]);
-    }
+}
+
+// Counts the views that show each Gaussian.
+class ViewCounts {
+ public:
+  ViewCounts(Backend& backend, int64_t num_gaussians)
+      : of_view_(backend, num_gaussians),
+        weight_(static_cast<size_t>(num_gaussians)),
+        num_views_(static_cast<size_t>(num_gaussians)) {}
+
+  // Adds a view. sums: measured for it, of kKnown first.
+  void Add(const View& view, const WeightView& shrunk, WeightSums& sums) {
+    of_view_.Zero();
+    sums.AddTo(of_view_.span(), 1);
+    of_view_.Download(weight_);
+    const auto num_cells = static_cast<double>(GridPixels(view.camera, kMaxCells).size());
+    const auto min_weight = static_cast<float>(kMinWeight * shrunk.num_pixels() / num_cells);
+    for (size_t i = 0; i < weight_.size(); ++i) num_views_[i] += weight_[i] > min_weight ? 1 : 0;
+    ++num_looked_at_;
+  }
+
+  std::vector<float> Confidence(int min_confident_views) const {
+    const auto num_looked_at = static_cast<float>(num_looked_at_);
+    const float num_required =
+        std::max({1.0f, std::min(static_cast<float>(min_confident_views), num_looked_at),
+                  kMinViewShare * num_looked_at});
+    std::vector<float> confidence(num_views_.size());
+    std::ranges::transform(num_views_, confidence.begin(), [&](int num) {
+      const float share = static_cast<float>(num) / num_required;
+      return std::clamp(share * share, kOfUnseen, 1.0f);
+    });
+    return confidence;
+  }
+
+ private:
+  Buffer<float> of_view_;       // [num_gaussians] sums of the view that is added
+  std::vector<float> weight_;   // the same on the host
+  std::vector<int> num_views_;  // [num_gaussians]
+  int num_looked_at_ = 0;
+};
+
+// Returns the share of each Gaussian under masks, over all views. A Gaussian that no view shows
+// counts as uncovered. sums: [kNumPixelSets, num_gaussians].
+std::vector<float> CoveredShares(const Buffer<float>& sums, int64_t num_gaussians) {
+  std::vector<float> host(static_cast<size_t>(kNumPixelSets * num_gaussians));
+  sums.Download(host);
+  std::vector<float> shares(static_cast<size_t>(num_gaussians));
+  for (size_t i = 0; i < shares.size(); ++i) {
+    const float known = host[kKnown * shares.size() + i];
+    if (known > 0) shares[i] = std::clamp(host[kCovered * shares.size() + i] / known, 0.0f, 1.0f);
+  }
+  return shares;
+}
+
+// Paints each Gaussian: red is `shares`, green 1, blue 0. In a render, green is then alpha, and red
+// over green the mean share over the Gaussians of a pixel, by weight. Wants SH degree 0.
+void Paint(std::span<const float> shares, Gaussians& gaussians) {
+  const std::span<float> red = gaussians.Plane(kShPlane), green = gaussians.Plane(kShPlane + 1),
+                         blue = gaussians.Plane(kShPlane + 2);
+  // The colour of degree 0 is 0.5 + kSh0 * coefficient.
+  std::ranges::transform(shares, red.begin(), [](float s) { return (s - 0.5f) / kSh0; });
+  std::ranges::fill(green, 0.5f / kSh0);
+  std::ranges::fill(blue, -0.5f / kSh0);
+}
+
+// Returns the uncovered pixels of a view. painted: of Gaussians after Paint.
+UncoveredPixels FindUncovered(const View& view, const MaskSet& masks, Renderer& painted) {
+  std::vector<int32_t> pixels = KnownGridPixels(view, kMaxGridPixels);
+  std::erase_if(pixels, [&](int32_t p) { return IsCovered(masks, p); });
+  UncoveredPixels found;
+  if (pixels.empty()) return found;
+  const WeightView shrunk(view);
+  const std::vector<float> colors = painted.HostColorPlanes(shrunk.viewpoint());
+  const std::span<const float> red = std::span(colors).first(shrunk.num_pixels()),
+                               alpha = std::span(colors).subspan(shrunk.num_pixels());
+  for (const int32_t pixel : pixels) {
+    const int32_t p = shrunk.PixelAt(pixel);
+    if (alpha[p] <= kMinAlpha) continue;
+    (red[p] < kMaxCoverage * alpha[p] ? found.background : found.covered_elsewhere)
+        .push_back(pixel);
   }
   return found;
 }
 
-std::vector<float> FeatureConfidence(const Capture& capture, Renderer& scene,
-                                     int min_confident_views) {
-  const auto count = static_cast<size_t>(scene.num_gaussians());
-  const std::vector<const View*> views = SomeTrained(capture);
-  const auto num_looked_at = static_cast<float>(views.size());
-  const float num_required =
-      std::max({1.0f, std::min(static_cast<float>(min_confident_views), num_looked_at),
-                kMinViewShare * num_looked_at});
-  std::vector<int> num_views(count);
-  std::vector<float> weight(count);
-  Behind behind;
-  for (const View* view : views) {
-    PixelRows rows = ToHost(scene.Rows(*view, KnownGridPixels(*view, kMaxCells)));
-    behind.Do([&, rows = std::move(rows)] {
-      std::ranges::fill(weight, 0.0f);
-      for (size_t e = 0; e < rows.gaussian.size(); ++e) weight[rows.gaussian[e]] += rows.weight[e];
-      for (size_t i = 0; i < count; ++i) num_views[i] += weight[i] > kMinWeight ? 1 : 0;
-    });
+}  // namespace
+
+GaussianCoverage MeasureCoverage(Backend& backend, const Capture& capture,
+                                 std::span<const MaskSet* const> masks, const Gaussians& gaussians,
+                                 const CoverageOptions& options) {
+  GaussianCoverage coverage;
+  const bool find_confidence = options.min_confident_views > 0;
+  if (!find_confidence && !options.find_uncovered) return coverage;
+  const std::vector<size_t> trained = TrainedNumbers(capture), some = SomeOf(trained);
+  const double scene_radius = SceneRadius(capture);
+  Gaussians plain = WithoutShRest(gaussians);
+  std::vector<float> shares;
+  {
+    // All views are needed before the first pixel can be judged.
+    Renderer scene(backend, plain, scene_radius);
+    WeightSums sums(scene);
+    ViewCounts counts(backend, find_confidence ? gaussians.count : 0);
+    Buffer<float> all_views(backend, options.find_uncovered ? kNumPixelSets * gaussians.count : 0);
+    std::vector<uint8_t> sets[kNumPixelSets];
+    for (const size_t v : options.find_uncovered ? trained : some) {
+      const View& view = capture.views[v];
+      const WeightView shrunk(view);
+      FindPixels(view, *masks[v], shrunk, sets);
+      sums.Measure(shrunk, sets);
+      if (options.find_uncovered) sums.AddTo(all_views.span(), kNumPixelSets);
+      if (find_confidence && std::ranges::binary_search(some, v)) counts.Add(view, shrunk, sums);
+    }
+    if (find_confidence) coverage.confidence = counts.Confidence(options.min_confident_views);
+    if (!options.find_uncovered) return coverage;
+    shares = CoveredShares(all_views, gaussians.count);
   }
-  behind.Wait();
-  std::vector<float> confidence(count);
-  std::ranges::transform(num_views, confidence.begin(), [&](int num) {
-    const float share = static_cast<float>(num) / num_required;
-    return std::clamp(share * share, kOfUnseen, 1.0f);
-  });
-  return confidence;
+  Paint(shares, plain);
+  Renderer painted(backend, plain, scene_radius);
+  coverage.uncovered.resize(capture.views.size());
+  for (const size_t v : trained) {
+    coverage.uncovered[v] = FindUncovered(capture.views[v], *masks[v], painted);
+  }
+  return coverage;
 }
 
 }  // namespace pepeseg

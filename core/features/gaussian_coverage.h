@@ -4,11 +4,13 @@
 #include <span>
 #include <vector>
 
-#include "core/render/renderer.h"
 #include "core/scene/capture.h"
+#include "core/scene/gaussians.h"
+#include "kernels/backend.h"
 
-// Measures each Gaussian in the training views, by the blend rows of pixels on a grid: the share of
-// it that lies under masks, and the number of views that see it.
+// Measures each Gaussian in the training views: the share of it that lies under masks, and the
+// number of views that see it. Both come from sums of its blend weights over the pixels of each
+// view (core/render/weight_sums.h).
 
 namespace pepeseg {
 
@@ -20,25 +22,30 @@ struct UncoveredPixels {
   std::vector<int32_t> covered_elsewhere;  // the other uncovered pixels
 };
 
-// Most entries of blend rows, of a Gaussian and a weight each, that FindUncovered keeps between its
-// two passes over the views. Views beyond are rendered twice.
-inline constexpr int64_t kMaxKeptEntries = 16'000'000;
+struct CoverageOptions {
+  int min_confident_views = 0;  // see GaussianCoverage::confidence; 0: it is left empty
+  bool find_uncovered = false;  // false: GaussianCoverage::uncovered is left empty
+};
 
-// Returns the uncovered pixels by view of the capture, on a grid of up to about 16,384 pixels of
-// each view (METHOD.md section 3, "Samples"). Ignored pixels and pixels with an alpha of at most
-// 0.5 are left out, as are held-out views and views without masks. masks: the masks that each view
-// learns from, by view of the capture.
-std::vector<UncoveredPixels> FindUncovered(const Capture& capture,
-                                           std::span<const MaskSet* const> masks, Renderer& scene);
+struct GaussianCoverage {
+  // The confidence of each Gaussian's feature, [num_gaussians] in [0.005, 1] (METHOD.md section 3,
+  // "Confidence"; not in the paper). It suppresses floaters: a Gaussian that only one or two
+  // cameras see has a feature that fits those views alone, and occludes the scene in all others.
+  //
+  // Up to 64 of the training views with masks are looked at, spread evenly. The confidence is
+  // (views that show the Gaussian / required views)^2, at most 1, where `min_confident_views` views
+  // are required, but at least a sixth of the views looked at, and at most all of them.
+  std::vector<float> confidence;
+  // The uncovered pixels by view of the capture, on a grid of up to about 16,384 pixels of each
+  // view (METHOD.md section 3, "Samples"). Ignored pixels and pixels with an alpha of at most 0.5
+  // are left out, as are held-out views and views without masks.
+  std::vector<UncoveredPixels> uncovered;
+};
 
-// Returns the confidence of each Gaussian's feature, [num_gaussians] in [0.005, 1] (METHOD.md
-// section 3, "Confidence"; not in the paper). It suppresses floaters: a Gaussian that only one or
-// two cameras see has a feature that fits those views alone, and occludes the scene in all others.
-//
-// Up to 64 of the training views with masks are looked at, spread evenly. The confidence is
-// (views that show the Gaussian / required views)^2, at most 1, where `min_confident_views` views
-// are required, but at least a sixth of the views looked at, and at most all of them.
-std::vector<float> FeatureConfidence(const Capture& capture, Renderer& scene,
-                                     int min_confident_views);
+// Renders each view that stage two learns from once for both results, and those with uncovered
+// pixels a second time. masks: the masks that each view learns from, by view of the capture.
+GaussianCoverage MeasureCoverage(Backend& backend, const Capture& capture,
+                                 std::span<const MaskSet* const> masks, const Gaussians& gaussians,
+                                 const CoverageOptions& options);
 
 }  // namespace pepeseg

@@ -154,7 +154,7 @@ struct FeatureOptions {
   double closing_share = 0.5;
   // Minimum number of training views (and at least a sixth of them) that must see a Gaussian before
   // its feature gets full blending weight; with fewer the weight is smaller, which suppresses
-  // floaters, see FeatureConfidence. 0: all features have full weight.
+  // floaters, see GaussianCoverage. 0: all features have full weight.
   int min_confident_views = 8;
   // Seed of all random draws of the stage.
   uint64_t seed = 1;

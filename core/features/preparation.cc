@@ -148,12 +148,10 @@ std::vector<const MaskSet*> ReconcileMasks(const Capture& capture, const Feature
 }
 
 // Fills in the background and the unlabelled pixels of the views. Without background samples, its
-// pixels are unlabelled ones, too.
-void AddUncovered(const Capture& capture, std::span<const MaskSet* const> masks, Renderer& scene,
-                  const FeatureOptions& options, std::vector<DrawableView>& views) {
+// pixels are unlabelled ones, too. uncovered: by view of the capture, moved from.
+void AddUncovered(std::vector<UncoveredPixels>& uncovered, const FeatureOptions& options,
+                  std::vector<DrawableView>& views) {
   const bool with_background = options.num_background_pixels > 0;
-  if (!with_background && !WantsPerception(capture, options)) return;
-  std::vector<UncoveredPixels> uncovered = FindUncovered(capture, masks, scene);
   for (DrawableView& view : views) {
     UncoveredPixels& of_view = uncovered[view.view];
     view.unlabelled = std::move(of_view.covered_elsewhere);
@@ -232,10 +230,12 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(Backend& backend, const Capture
         "features: no training view has a mask of at least 8 pixels on which something is "
         "rendered");
   }
-  if (options.min_confident_views > 0) {
-    prepared.field.confidence = FeatureConfidence(capture, scene, options.min_confident_views);
-  }
-  AddUncovered(capture, masks, scene, options, prepared.views);
+  const CoverageOptions looked_for = {
+      .min_confident_views = options.min_confident_views,
+      .find_uncovered = options.num_background_pixels > 0 || wants_perception};
+  GaussianCoverage coverage = MeasureCoverage(backend, capture, masks, gaussians, looked_for);
+  prepared.field.confidence = std::move(coverage.confidence);
+  if (looked_for.find_uncovered) AddUncovered(coverage.uncovered, options, prepared.views);
   std::vector<std::vector<uint8_t>> edges =
       KeepAwayFromEdges(capture, wants_perception, prepared.views);
   if (Any(prepared.views, [](const auto& view) { return !view.unlabelled.empty(); })) {

@@ -25,8 +25,8 @@ struct ImageScores {
 // scales of masks.
 struct FeatureField {
   std::vector<float> features;  // [num_gaussians, 32], each of length 1
-  // [num_gaussians], in (0, 1]: weight of a feature in blending, see FeatureConfidence. Empty: 1
-  // for all.
+  // [num_gaussians], in (0, 1]: weight of a feature in blending, see GaussianCoverage. Empty: 1 for
+  // all.
   std::vector<float> confidence;
   // The scale gate psi(s), of one or two layers: kGateSize or kTwoLayerGateSize numbers, see
   // kernels/math/gate.h.
