@@ -84,12 +84,14 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options) {
   // The Gaussians, and their features and one moment before the upload or after the download.
   const int64_t gaussian = (NumPlanes(sh_degree) + 2 * kFeatureSize) * kFloat;
-  // Pixel, weight and mask cell of a sample, and its share of the labels.
-  constexpr int64_t kSample = 64;
+  // Pixel, weight and mask cell of a sample, and its share of the labels, of the chunk that is
+  // trained, the next, and the one that is drawn meanwhile.
+  constexpr int64_t kSample = 64, kChunks = 3;
   // Pixels of a shrunk view, its colours and their gradients: see MeasureCoverage, whose copy of
   // the Gaussians takes less than their features.
   constexpr int64_t kWeightView = kMaxWeightPixels * 2 * (3 * kFloat + 1);
-  return scratch.num_gaussians * gaussian + SamplesInChunk(options) * kSample + kWeightView;
+  return scratch.num_gaussians * gaussian + kChunks * SamplesInChunk(options) * kSample +
+         kWeightView;
 }
 
 }  // namespace pepeseg
