@@ -11,7 +11,8 @@ namespace pepeseg {
 // calls have. The calls must not depend on each other.
 template <class Work>
 void OnThreads(size_t count, const Work& work) {
-  const size_t num_threads = std::clamp<size_t>(std::thread::hardware_concurrency(), 1, 16);
+  const size_t num_threads =
+      std::min(count, std::clamp<size_t>(std::thread::hardware_concurrency(), 1, 16));
   std::vector<std::jthread> threads;
   threads.reserve(num_threads);
   for (size_t t = 0; t < num_threads; ++t) {

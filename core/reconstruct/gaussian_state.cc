@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "core/base/on_threads.h"
 #include "kernels/buffer.h"
 
 namespace pepeseg {
@@ -144,11 +145,18 @@ void GaussianState::LimitShDegree(int sh_degree) { sh_degree_ = std::min(sh_degr
 
 int64_t GaussianState::Remove(absl::FunctionRef<bool(const Eigen::Vector3f&)> in_region) {
   const std::vector<float> means = DownloadPlanes(rows_.parameters, kMeanPlane, 3);
+  std::vector<uint8_t> is_removed(static_cast<size_t>(count_));
+  constexpr int64_t kBlock = 8192;  // Gaussians
+  OnThreads(static_cast<size_t>((count_ + kBlock - 1) / kBlock), [&](size_t block) {
+    const int64_t first = static_cast<int64_t>(block) * kBlock;
+    for (int64_t i = first; i < std::min(count_, first + kBlock); ++i) {
+      is_removed[i] = in_region({means[i], means[count_ + i], means[2 * count_ + i]}) ? 1 : 0;
+    }
+  });
   std::vector<int32_t> kept;
   kept.reserve(static_cast<size_t>(count_));
   for (int64_t i = 0; i < count_; ++i) {
-    const Eigen::Vector3f mean(means[i], means[count_ + i], means[2 * count_ + i]);
-    if (!in_region(mean)) kept.push_back(static_cast<int32_t>(i));
+    if (is_removed[i] == 0) kept.push_back(static_cast<int32_t>(i));
   }
   const int64_t num_removed = count_ - static_cast<int64_t>(kept.size());
   if (num_removed == 0 || kept.empty()) return 0;

@@ -61,8 +61,9 @@ class GaussianState {
   bool Rearrange(DeviceSpan<const int32_t> source, DeviceSpan<const uint8_t> is_new);
 
   // Removes the Gaussians whose mean, in the world, is in a region, and none if all are there. All
-  // statistics become 0 if there are any. Waits for the backend. Returns how many were removed, or
-  // -1, with nothing changed, when the backend is out of memory.
+  // statistics become 0 if there are any. Waits for the backend. Calls `in_region` on several
+  // threads. Returns how many were removed, or -1, with nothing changed, when the backend is out of
+  // memory.
   int64_t Remove(absl::FunctionRef<bool(const Eigen::Vector3f&)> in_region);
 
   // While refinement is open, refinable() is 1 for a Gaussian that may still be refined, else 0.

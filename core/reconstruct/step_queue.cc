@@ -13,11 +13,11 @@ constexpr int64_t kMostAtOnce = 4;
 
 }  // namespace
 
-int StepsAtOnce(const Backend& backend, const ReconstructOptions& options, int64_t max_pixels) {
+int StepsAtOnce(int num_branches, const ReconstructOptions& options, int64_t max_pixels) {
   if (options.depth_weight > 0) return 1;
   if (options.views_at_once > 0) return options.views_at_once;
   const int64_t needed = kPixelsAtOnce / std::max<int64_t>(1, max_pixels);
-  const int64_t most = std::min<int64_t>(kMostAtOnce, backend.num_branches());
+  const int64_t most = std::min<int64_t>(kMostAtOnce, num_branches);
   return static_cast<int>(std::clamp<int64_t>(needed, 1, most));
 }
 
@@ -27,7 +27,7 @@ std::vector<int64_t> SlotPixels(const Backend& backend, const ReconstructOptions
   for (const int shrink : {1, 2, 4}) {  // see Schedule::ShrinkAt
     if (shrink > 1 && options.coarse_until <= 0) break;
     const int64_t most = max_pixels / (int64_t{shrink} * shrink);
-    const auto num_steps = static_cast<size_t>(StepsAtOnce(backend, options, most));
+    const auto num_steps = static_cast<size_t>(StepsAtOnce(backend.num_branches(), options, most));
     if (num_steps > pixels.size()) pixels.resize(num_steps, most);
   }
   return pixels;
@@ -53,7 +53,7 @@ std::deque<StepQueue::Slot> StepQueue::MakeSlots(Backend& backend, const Prepare
 
 int StepQueue::steps_at_once(int shrink) const {
   const int64_t pixels = scene_.views.max_pixels() / (int64_t{shrink} * shrink);
-  return StepsAtOnce(backend_, scene_.options, pixels);
+  return StepsAtOnce(backend_.num_branches(), scene_.options, pixels);
 }
 
 bool StepQueue::allocated() const {

@@ -16,9 +16,10 @@
 namespace pepeseg {
 
 // Returns the number of steps that stage one does at once, 1 to kMaxUpdateSteps: views_at_once of
-// the options or, where that is 0, as many as the backend has branches for and photographs of
-// `max_pixels` need to fill a device. 1 with a depth loss, whose images all steps share.
-int StepsAtOnce(const Backend& backend, const ReconstructOptions& options, int64_t max_pixels);
+// the options or, where that is 0, as many as the backend has branches for (Backend::num_branches)
+// and photographs of `max_pixels` need to fill a device. 1 with a depth loss, whose images all
+// steps share.
+int StepsAtOnce(int num_branches, const ReconstructOptions& options, int64_t max_pixels);
 
 // Returns the pixels that each slot of a StepQueue has room for, largest first: smaller photographs
 // are trained on in more steps at once.

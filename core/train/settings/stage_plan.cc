@@ -1,6 +1,7 @@
 #include "core/train/settings/stage_plan.h"
 
 #include <algorithm>
+#include <cmath>
 #include <initializer_list>
 #include <utility>
 
@@ -8,6 +9,7 @@
 #include "core/dataset/video_frames.h"
 #include "core/priors/sam/sam_segmenter.h"
 #include "core/reconstruct/few_visits.h"
+#include "core/reconstruct/step_queue.h"
 #include "core/sfm/sfm_options.h"
 
 namespace pepeseg {
@@ -16,17 +18,21 @@ namespace {
 // Core seconds: kPrepare for each photograph, the others for each megapixel of the views.
 constexpr double kPrepare = 0.05, kEmbeddedMasks = 1.0, kEmbeddedDepth = 1.5, kScores = 0.5,
                  kLpips = 10;
-// Seconds of a step, and further seconds for each megapixel of the view and for each million of
-// Gaussians at the end, which take no time of their own on the cores. On the cores: seconds of one
-// core. Fitted to runs of tests/bench/results/estimates.md.
+// Seconds of a step, shared by those that a GPU does at once, and further seconds for each
+// megapixel of the view and for each million of Gaussians at the end, which take no time of their
+// own on the cores. On the cores: seconds of one core. Fitted to runs of
+// tests/bench/results/estimates.md.
 struct StepCost {
   double step, megapixel, million;
 };
-constexpr StepCost kReconstructOnCores{0.001, 0.25, 0}, kReconstructOnDevice{0.0005, 0.0008, 0.002};
-constexpr double kFeaturesOnCores = 0.02, kFeaturesOnDevice = 0.0003;
-// Seconds for each megapixel of the views before the first step of stage two; on the cores: of one
-// core.
-constexpr double kFeatureSetupOnCores = 2.2, kFeatureSetupOnDevice = 0.065;
+constexpr StepCost kReconstructOnCores{0.001, 0.25, 0}, kReconstructOnDevice{0.0011, 0.0003, 0.001};
+constexpr StepCost kFeaturesOnCores{0.02, 0, 0}, kFeaturesOnDevice{0.0002, 0, 0.00027};
+// Seconds before the first step of stage two, and further seconds for each megapixel of the views;
+// on the cores: of one core.
+struct SetupCost {
+  double seconds, megapixel;
+};
+constexpr SetupCost kFeatureSetupOnCores{0, 1.2}, kFeatureSetupOnDevice{0.2, 0.0155};
 constexpr double kIndex = 0.3;
 // Seconds from a job's start to its first stage: of the process, and of CUDA.
 constexpr double kStart = 0.4;
@@ -149,17 +155,23 @@ class Planner {
   // The first steps train on photographs at a quarter, then at half of their width and height: see
   // ReconstructOptions::coarse_until.
   void AddReconstruction() {
-    const ViewPixels views = {TrainingViews(), 1e6 * facts_.megapixels};
-    const ReconstructOptions options = FitToViews(settings_.reconstruct, views);
+    const ReconstructOptions options = FittedReconstruct();
     const StepCost cost = facts_.on_device ? kReconstructOnDevice : kReconstructOnCores;
     const auto coarse = static_cast<int64_t>(options.coarse_until * options.num_steps);
     const double gaussians = cost.million * MillionGaussians(options);
+    const int num_branches = facts_.on_device ? kMaxBranches : 1;
     const auto piece = [&](int64_t num_steps, double shrink) {
       const double pixels = facts_.megapixels / (shrink * shrink);
-      return PlannedStage::Piece{num_steps, cost.step + cost.megapixel * pixels + gaussians};
+      const int at_once = StepsAtOnce(num_branches, options, std::llround(1e6 * pixels));
+      return PlannedStage::Piece{num_steps,
+                                 cost.step / at_once + cost.megapixel * pixels + gaussians};
     };
     AddSteps(Stage::kReconstruct, {piece(coarse / 2, 4), piece(coarse - coarse / 2, 2),
                                    piece(options.num_steps - coarse, 1)});
+  }
+
+  ReconstructOptions FittedReconstruct() const {
+    return FitToViews(settings_.reconstruct, {TrainingViews(), 1e6 * facts_.megapixels});
   }
 
   double TrainingViews() const {
@@ -185,10 +197,12 @@ class Planner {
   // The first step has the cost of what is prepared before it.
   void AddFeatures() {
     const int64_t num_steps = settings_.features.num_steps;
-    const double step = facts_.on_device ? kFeaturesOnDevice : kFeaturesOnCores;
-    const double setup = facts_.on_device ? kFeatureSetupOnDevice : kFeatureSetupOnCores;
+    const StepCost cost = facts_.on_device ? kFeaturesOnDevice : kFeaturesOnCores;
+    const SetupCost setup = facts_.on_device ? kFeatureSetupOnDevice : kFeatureSetupOnCores;
+    const double step = cost.step + cost.million * MillionGaussians(FittedReconstruct());
     AddSteps(Stage::kFeatures,
-             {{1, step + setup * photos_ * facts_.megapixels}, {num_steps - 1, step}});
+             {{1, step + setup.seconds + setup.megapixel * photos_ * facts_.megapixels},
+              {num_steps - 1, step}});
   }
 
   const TrainingFacts& facts_;

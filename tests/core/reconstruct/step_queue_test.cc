@@ -41,15 +41,21 @@ std::vector<int64_t> StepsDone(GaussianTrainer& trainer) {
 
 TEST(StepsAtOnce, AreOneOnACpuUnlessAskedFor) {
   const auto backend = MakeCpuBackend(2);
-  EXPECT_EQ(StepsAtOnce(*backend, Options(0), 100'000), 1);
-  EXPECT_EQ(StepsAtOnce(*backend, Options(3), 100'000), 3);
+  EXPECT_EQ(StepsAtOnce(backend->num_branches(), Options(0), 100'000), 1);
+  EXPECT_EQ(StepsAtOnce(backend->num_branches(), Options(3), 100'000), 3);
+}
+
+TEST(StepsAtOnce, FillADeviceWithBranches) {
+  EXPECT_EQ(StepsAtOnce(8, Options(0), 100'000), 4);
+  EXPECT_EQ(StepsAtOnce(8, Options(0), 300'000), 3);
+  EXPECT_EQ(StepsAtOnce(2, Options(0), 300'000), 2);
+  EXPECT_EQ(StepsAtOnce(8, Options(0), 2'000'000), 1);
 }
 
 TEST(StepsAtOnce, AreOneWithADepthLoss) {
-  const auto backend = MakeCpuBackend(2);
   ReconstructOptions options = Options(3);
   options.depth_weight = 0.05f;
-  EXPECT_EQ(StepsAtOnce(*backend, options, 100'000), 1);
+  EXPECT_EQ(StepsAtOnce(8, options, 100'000), 1);
 }
 
 TEST(StepsAtOnce, EndWhereDensityControlIsDue) {
