@@ -11,10 +11,10 @@ namespace pepeseg {
 BatchSource::BatchSource(const PreparedFeatures& prepared, const FeatureOptions& options,
                          std::unique_ptr<Backend> twin)
     : prepared_(prepared),
-      drawer_(prepared.field, prepared.views, options),
-      steps_per_chunk_(options.steps_per_chunk),
-      num_left_(options.num_steps),
       twin_(std::move(twin)),
+      options_(twin_ == nullptr ? options : OfTwoChunks(options)),
+      drawer_(prepared.field, prepared.views, options_),
+      num_left_(options.num_steps),
       chunk_start_(drawer_.Save()) {
   if (twin_ == nullptr) return;
   backend().Sync();  // the twin reads the Gaussians and their neighbours
@@ -57,7 +57,7 @@ absl::Status BatchSource::BeginChunk(int num_done) {
   DrawnChunk drawn = (twin_ != nullptr ? rasterising_ : drawing_).get();
   if (twin_ != nullptr) {
     RETURN_IF_ERROR(drawn.rasterised);
-    backend().Sync();  // steps may still read the chunk that the task fills anew
+    backend().Sync();  // steps may still read the chunk that the task fills next
     std::swap(chunk_, next_chunk_);
     RasteriseAhead();
   } else {
@@ -74,7 +74,7 @@ absl::Status BatchSource::BeginChunk(int num_done) {
 // All batches of a chunk draw the same number of neighbours, because NeighborRows requires it.
 // Drafts are taken here, so that a chunk may be drawn while the one before it still is.
 void BatchSource::DrawAhead() {
-  const int count = std::min({steps_per_chunk_, num_left_, drawer_.NumAlike()});
+  const int count = std::min({options_.steps_per_chunk, num_left_, drawer_.NumAlike()});
   num_left_ -= count;
   DrawnChunk chunk = {drawer_.Save(), std::vector<PixelBatch>(static_cast<size_t>(count)),
                       absl::OkStatus()};

@@ -19,7 +19,8 @@ namespace pepeseg {
 // The inputs of the steps of stage two, a chunk of batches at a time. The next chunk is drawn on
 // threads of its own while the current one is trained. With a twin of the backend the next chunk is
 // also rasterised meanwhile, so that the device is not idle between two chunks, and the one after
-// it is drawn; the rows of two chunks are then in memory. All calls must come from one thread.
+// it is drawn; the rows of two chunks are then in memory, so that chunks are shorter (OfTwoChunks).
+// All calls must come from one thread.
 class BatchSource {
  public:
   // `prepared` must outlive it. twin: see Backend::MakeTwin; null: chunks are rasterised when they
@@ -64,13 +65,13 @@ class BatchSource {
   Backend& backend() const { return prepared_.scene->backend(); }
 
   const PreparedFeatures& prepared_;
+  const std::unique_ptr<Backend> twin_;
+  const FeatureOptions options_;
   BatchDrawer drawer_;
-  const int steps_per_chunk_;
   int num_left_;  // batches that no task has begun to draw
   ThreadPool pool_ = ThreadPool(0);
-  std::future<DrawnChunk> drawing_;      // invalid before the first Next
-  std::future<DrawnChunk> rasterising_;  // invalid without a twin
-  const std::unique_ptr<Backend> twin_;
+  std::future<DrawnChunk> drawing_;       // invalid before the first Next
+  std::future<DrawnChunk> rasterising_;   // invalid without a twin
   std::unique_ptr<Renderer> twin_scene_;  // null without a twin
   RowChunk chunk_;
   RowChunk next_chunk_;  // filled by the task if there is a twin

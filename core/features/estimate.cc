@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/features/feature_optimizer.h"
+#include "core/features/preparation.h"
 #include "core/render/renderer.h"
 #include "core/render/weight_sums.h"
 #include "kernels/buffer.h"
@@ -18,8 +19,8 @@ int64_t SamplesOf(const FeatureOptions& options) {
          (options.perception_weight > 0 ? options.num_perception_pixels : 0);
 }
 
-// Returns the number of chunks whose rows are in backend memory at once, see BatchSource.
-int NumChunks(const Backend& backend) { return backend.queue_depth() > 0 ? 2 : 1; }
+// Returns whether the rows of two chunks are in backend memory at once, see BatchSource.
+bool HasTwoChunks(const Backend& backend) { return backend.queue_depth() > 0; }
 
 // Returns the number of pixels of all batches of the largest chunk. No chunk reaches across the end
 // of smoothing.
@@ -72,9 +73,11 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
                         pixels * pixels * kPairBytes +
                         kParts * options.num_scales * (pixels + 64) * kFeatureSize * kFloat;
   // The chunks that are rasterised ahead have a render of their own.
-  const int64_t chunks = NumChunks(backend);
-  const int64_t training = scratch.num_gaussians * gaussian + (chunks - 1) * one_render +
-                           chunks * WithReserve(SamplesInChunk(options) * sample) +
+  const int64_t chunk_rows =
+      HasTwoChunks(backend)
+          ? 2 * WithReserve(SamplesInChunk(OfTwoChunks(options)) * sample) + one_render
+          : WithReserve(SamplesInChunk(options) * sample);
+  const int64_t training = scratch.num_gaussians * gaussian + chunk_rows +
                            at_once * WithReserve(batch) + (int64_t{options.num_steps} + 1) * kFloat;
   // The planes and the render of a view stay from the preparation to the end of the training.
   return scratch.num_gaussians * NumPlanes(sh_degree) * kFloat + one_render +
@@ -85,13 +88,16 @@ int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const Featur
   // The Gaussians, and their features and one moment before the upload or after the download.
   const int64_t gaussian = (NumPlanes(sh_degree) + 2 * kFeatureSize) * kFloat;
   // Pixel, weight and mask cell of a sample, and its share of the labels, of the chunk that is
-  // trained, the next, and the one that is drawn meanwhile.
-  constexpr int64_t kSample = 64, kChunks = 3;
+  // trained and of the next. On a GPU there are three chunks of a third of the steps.
+  constexpr int64_t kSample = 64, kChunks = 2;
   // Pixels of a shrunk view, its colours and their gradients: see MeasureCoverage, whose copy of
   // the Gaussians takes less than their features.
   constexpr int64_t kWeightView = kMaxWeightPixels * 2 * (3 * kFloat + 1);
-  return scratch.num_gaussians * gaussian + kChunks * SamplesInChunk(options) * kSample +
-         kWeightView;
+  // Two blocks of depths, each with its alpha, while masks are measured, before the first sample.
+  const auto views = static_cast<int64_t>(ViewsInDepthBlock(scratch.num_pixels));
+  const int64_t depths = 2 * views * scratch.num_pixels * 2 * kFloat;
+  return scratch.num_gaussians * gaussian +
+         std::max(kChunks * SamplesInChunk(options) * kSample, depths) + kWeightView;
 }
 
 }  // namespace pepeseg

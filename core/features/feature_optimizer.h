@@ -32,8 +32,9 @@ inline double ShareOfFall(int done, int num_steps, const LeftOutSteps& left_out)
          num_steps;
 }
 
-// Returns the number of steps that stage two does at once: views_at_once of the options, or as many
-// as the device can run beside each other.
+// Returns the number of steps that stage two does at once: views_at_once of the options or, where
+// that is 0, at most two, as the device has branches for (Backend::num_branches), and one of more
+// than half a million Gaussians.
 int FeatureStepsAtOnce(const Backend& backend, int64_t num_gaussians,
                        const FeatureOptions& options);
 

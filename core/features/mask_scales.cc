@@ -39,6 +39,7 @@ class MajorityFilter {
   // Calls fn(mask) for each of these masks of (x, y), in no particular order.
   template <class Fn>
   void ForEachMask(int x, int y, Fn&& fn) {
+    if (IsWithinACell(x, y)) return ForEachMaskIn(masks_.BitsAt(x, y), fn);
     touched_.clear();
     for (int v = std::max(0, y - 1); v <= std::min(masks_.height - 1, y + 1); ++v) {
       for (int u = std::max(0, x - 1); u <= std::min(masks_.width - 1, x + 1); ++u) Add(u, v);
@@ -50,6 +51,18 @@ class MajorityFilter {
   }
 
  private:
+  // Returns whether all nine pixels are of one mask cell.
+  bool IsWithinACell(int x, int y) const {
+    if (x == 0 || y == 0 || x + 1 == masks_.width || y + 1 == masks_.height) return false;
+    const auto width = static_cast<size_t>(masks_.width);
+    const size_t first = static_cast<size_t>(y - 1) * width + x - 1;
+    const uint32_t cell = masks_.pixel_cell[first];
+    for (int row = 0; row < 3; ++row) {
+      const uint32_t* cells = masks_.pixel_cell.data() + first + row * width;
+      if (cells[0] != cell || cells[1] != cell || cells[2] != cell) return false;
+    }
+    return true;
+  }
   void Add(int x, int y) {
     ForEachMaskIn(masks_.BitsAt(x, y), [this](int mask) {
       if (count_[mask]++ == 0) touched_.push_back(mask);

@@ -1,5 +1,6 @@
 #include "core/features/options.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/base/errors.h"
@@ -73,6 +74,16 @@ void VisitOptions(FeatureOptions& o, OptionVisitor visit) {
 absl::Status Validate(const FeatureOptions& options) {
   RETURN_IF_ERROR(CheckOptions(options));
   return CheckInRange("num_drawn_neighbors", options.num_drawn_neighbors, 1, options.num_neighbors);
+}
+
+FeatureOptions OfTwoChunks(FeatureOptions options) {
+  constexpr int kShorter = 3;
+  options.steps_per_chunk = std::max(1, options.steps_per_chunk / kShorter);
+  // 0 stays: all views.
+  if (options.views_per_chunk > 0) {
+    options.views_per_chunk = std::max(1, options.views_per_chunk / kShorter);
+  }
+  return options;
 }
 
 int NumSmoothedSteps(const FeatureOptions& options) {

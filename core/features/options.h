@@ -142,11 +142,11 @@ struct FeatureOptions {
   // ShareScales. False: each mask has its own. Measured: tests/bench/results/priors.md.
   bool share_scales = true;
   // Number of steps whose samples are drawn together, so that each view is rasterised once for
-  // them. Their blend rows are kept, 1 to 3 MB per step; on a GPU those of two chunks.
-  int steps_per_chunk = 250;
+  // them; a third of it on a GPU, see OfTwoChunks. Their blend rows are kept, 1 to 3 MB per step.
+  int steps_per_chunk = 750;
   // Most training views that the steps of a chunk are drawn from: as many, spread evenly over the
-  // capture, are rasterised for it. 0: all views.
-  int views_per_chunk = 21;
+  // capture, are rasterised for it; a third of it on a GPU. 0: all views.
+  int views_per_chunk = 64;
   // Smallest relative fall of the loss over a window of at least 500 steps. With less, the rest of
   // the schedule is compressed into closing_share of the steps. 0: all steps are done.
   double min_loss_fall = 0.01;
@@ -164,6 +164,10 @@ void VisitOptions(FeatureOptions& options, OptionVisitor visit);
 
 // Returns INVALID_ARGUMENT, with the option and its range, unless all options are in range.
 absl::Status Validate(const FeatureOptions& options);
+
+// Returns the options of chunks of which two are in memory, as on a GPU (BatchSource): a third of
+// the steps and of the views, so that a view is rasterised for as many steps as otherwise.
+FeatureOptions OfTwoChunks(FeatureOptions options);
 
 // Returns the number of steps in which features are smoothed.
 int NumSmoothedSteps(const FeatureOptions& options);

@@ -91,20 +91,28 @@ std::vector<int> TrainedViews(const Capture& capture) {
 // measures their masks in parallel while the device renders the depths of the next block.
 std::vector<std::vector<float>> MeasureViews(const Capture& capture, Renderer& scene,
                                              Reprojection& reprojection) {
-  constexpr size_t kBlock = 16;  // views
   const std::span<const int> trained = reprojection.views();
+  int64_t num_pixels = 0;
+  for (const int view : trained) {
+    const Camera& camera = capture.views[view].camera;
+    num_pixels = std::max(num_pixels, int64_t{camera.width} * camera.height);
+  }
+  const size_t most = ViewsInDepthBlock(num_pixels);
   std::vector<std::vector<float>> mask_scales(capture.views.size());
+  std::vector<WeightedDepth> depths(most), next_depths(most);
   ThreadPool pool(0);
   Behind behind;
-  for (size_t first = 0; first < trained.size(); first += kBlock) {
+  for (size_t first = 0; first < trained.size(); first += most) {
     const std::span<const int> block =
-        trained.subspan(first, std::min(kBlock, trained.size() - first));
-    std::vector<std::vector<float>> depths;
-    for (const int view : block) depths.push_back(scene.Depth(capture.views[view]));
-    behind.Do([&, block, depths = std::move(depths)] {
+        trained.subspan(first, std::min(most, trained.size() - first));
+    for (size_t i = 0; i < block.size(); ++i) scene.Depth(capture.views[block[i]], next_depths[i]);
+    behind.Wait();
+    std::swap(depths, next_depths);
+    behind.Do([&, block] {
       pool.ParallelFor(static_cast<int64_t>(block.size()), [&](int64_t i, int) {
-        mask_scales[block[i]] = MaskScales(capture.views[block[i]], depths[i]);
-        reprojection.KeepDepth(block[i], depths[i]);
+        depths[i].Normalise();
+        mask_scales[block[i]] = MaskScales(capture.views[block[i]], depths[i].depth);
+        reprojection.KeepDepth(block[i], depths[i].depth);
       });
     });
   }
@@ -246,6 +254,12 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(Backend& backend, const Capture
   prepared.skipped = SkippedParts(capture, options, prepared);
   prepared.neighbors = Buffer<int32_t>(backend, std::span<const int32_t>(neighbors.get()));
   return prepared;
+}
+
+size_t ViewsInDepthBlock(int64_t num_pixels) {
+  constexpr int64_t kMostPixels = 16'000'000, kMostViews = 16;
+  return static_cast<size_t>(
+      std::clamp<int64_t>(kMostPixels / std::max<int64_t>(1, num_pixels), 1, kMostViews));
 }
 
 std::vector<int32_t> NearestNeighbors(const Gaussians& gaussians, int num_neighbors) {

@@ -46,6 +46,10 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(Backend& backend, const Capture
                                                  const Gaussians& gaussians,
                                                  const FeatureOptions& options);
 
+// Returns the number of views of so many pixels whose rendered depths PrepareFeatures keeps on the
+// host at once, while it renders as many others.
+size_t ViewsInDepthBlock(int64_t num_pixels);
+
 // Returns the num_neighbors Gaussians whose means are nearest to that of each Gaussian, itself
 // first, then by distance: [count, num_neighbors], for NeighborGraph (METHOD.md section 3,
 // "Smoothing"). If there are fewer Gaussians, the last columns hold the Gaussian itself.

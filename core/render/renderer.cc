@@ -199,15 +199,28 @@ Image Renderer::Color(const Viewpoint& view, const GaussianSet* subset) {
 }
 
 // The backend blends z with the weights of colour; divided by alpha that is the mean depth.
-std::vector<float> Renderer::Depth(const Viewpoint& view, const GaussianSet* subset) {
-  Render(view, {.subset = subset, .with_depth = true});
-  std::vector<float> alpha(static_cast<size_t>(NumPixels(view))), depth(alpha.size());
-  alpha_.Download(std::span<float>(alpha));
-  depth_.Download(std::span<float>(depth));
+void WeightedDepth::Normalise() {
   for (size_t i = 0; i < depth.size(); ++i) {
     depth[i] = alpha[i] > kMinDepthAlpha ? depth[i] / alpha[i] : 0;
   }
-  return depth;
+}
+
+std::vector<float> Renderer::Depth(const Viewpoint& view, const GaussianSet* subset) {
+  WeightedDepth depth;
+  Depth(view, depth, subset);
+  depth.Normalise();
+  return std::move(depth.depth);
+}
+
+void Renderer::Depth(const Viewpoint& view, WeightedDepth& depth, const GaussianSet* subset) {
+  Render(view, {.subset = subset, .with_depth = true});
+  const auto num_pixels = static_cast<size_t>(NumPixels(view));
+  depth.alpha.resize(num_pixels);
+  depth.depth.resize(num_pixels);
+  // Zeros if the backend failed.
+  if (alpha_.empty() || depth_.empty()) depth.alpha.assign(num_pixels, 0);
+  alpha_.Download(std::span<float>(depth.alpha));
+  depth_.Download(std::span<float>(depth.depth));
 }
 
 // One pass gives both. The colours of Rows and Ids, of degree 0, are not used.

@@ -56,6 +56,15 @@ int64_t MostPixels(int64_t max_view_pixels);
 // overlap above what the measured scenes have (step_cpu.md); large, faint Gaussians may need more.
 ScratchSize TypicalScratch(int64_t num_gaussians, int64_t num_pixels);
 
+// Rendered depth on the host, [height, width] each.
+struct WeightedDepth {
+  std::vector<float> alpha;  // accumulated alpha
+  std::vector<float> depth;  // sum of weight * z, scene units
+
+  // Divides the depths by alpha: they become those that Renderer::Depth returns.
+  void Normalise();
+};
+
 // Renders Gaussians that do not change, from copies in backend memory. For one thread at a time.
 // The backend must outlive it and reports errors (Backend::error, TakeStatus): results of a call
 // during which the backend failed, or had failed before, are zeros or empty.
@@ -85,6 +94,9 @@ class Renderer {
   // Returns the depth along the optical axis, scene units, [height, width]; 0 where the accumulated
   // alpha is at most a half.
   std::vector<float> Depth(const Viewpoint& view, const GaussianSet* subset = nullptr);
+  // Does the same but for the division, which another thread can do while the next view is
+  // rendered, and uses the memory of `depth` again.
+  void Depth(const Viewpoint& view, WeightedDepth& depth, const GaussianSet* subset = nullptr);
   // Writes the blended features of each pixel to `map`, [height * width, 32]: see
   // RenderFeaturesArgs. Gaussians count by their feature confidence. Also writes the colours of
   // ColorPlanes to `color`, [3, height, width], unless it is empty.

@@ -32,7 +32,7 @@ constexpr StepCost kFeaturesOnCores{0.02, 0, 0}, kFeaturesOnDevice{0.0002, 0, 0.
 struct SetupCost {
   double seconds, megapixel;
 };
-constexpr SetupCost kFeatureSetupOnCores{0, 1.2}, kFeatureSetupOnDevice{0.2, 0.0155};
+constexpr SetupCost kFeatureSetupOnCores{0, 1.8}, kFeatureSetupOnDevice{0.2, 0.0155};
 constexpr double kIndex = 0.3;
 // Seconds from a job's start to its first stage: of the process, and of CUDA.
 constexpr double kStart = 0.4;
