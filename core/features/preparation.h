@@ -46,8 +46,8 @@ absl::StatusOr<PreparedFeatures> PrepareFeatures(Backend& backend, const Capture
                                                  const Gaussians& gaussians,
                                                  const FeatureOptions& options);
 
-// Returns the number of views of so many pixels whose rendered depths PrepareFeatures keeps on the
-// host at once, while it renders as many others.
+// Returns the number of views whose rendered depths PrepareFeatures keeps on the host while it
+// renders the depths of the next ones. num_pixels: of the largest view.
 size_t ViewsInDepthBlock(int64_t num_pixels);
 
 // Returns the num_neighbors Gaussians whose means are nearest to that of each Gaussian, itself
