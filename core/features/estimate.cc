@@ -60,7 +60,8 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
   // While it trains, a Gaussian takes four vectors of 32 numbers (feature, two moments, and the
   // copy that FeatureOptimizer::Export smooths), a smoothed feature and its length for each step
   // that is done at once, its last step and its neighbours. A view takes colour, alpha and depth.
-  const int64_t at_once = FeatureStepsAtOnce(backend, scratch.num_gaussians, options);
+  const int64_t at_once =
+      FeatureStepsAtOnce(backend.num_branches(), scratch.num_gaussians, options);
   const int64_t gaussian =
       ((4 + at_once) * kFeatureSize + at_once) * kFloat + (1 + options.num_neighbors) * kInt;
   const int64_t image = WithReserve(5 * kFloat * scratch.num_pixels);

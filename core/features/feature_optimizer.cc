@@ -85,11 +85,10 @@ void CopyNonZero(std::span<const float> from, std::span<float> to) {
 
 }  // namespace
 
-int FeatureStepsAtOnce(const Backend& backend, int64_t num_gaussians,
-                       const FeatureOptions& options) {
+int FeatureStepsAtOnce(int num_branches, int64_t num_gaussians, const FeatureOptions& options) {
   if (options.views_at_once > 0) return options.views_at_once;
   if (num_gaussians > kMostGaussiansAtOnce) return 1;
-  return std::min(backend.num_branches(), kMostStepsAtOnce);
+  return std::min(num_branches, kMostStepsAtOnce);
 }
 
 bool IsZero(std::span<const float> rows, int64_t gaussian) {
@@ -120,7 +119,7 @@ FeatureOptimizer::FeatureOptimizer(Backend& backend, const PreparedFeatures& pre
   rates_.learning_rate = options.learning_rate;
   correction_ = Buffer<float>(backend, std::span<const float>(Corrections(rates_, options, {})));
   rates_.correction = correction_.span();
-  buffers_.resize(FeatureStepsAtOnce(backend, num_gaussians_, options));
+  buffers_.resize(FeatureStepsAtOnce(backend.num_branches(), num_gaussians_, options));
   for (StepBuffers& of_step : buffers_) {
     of_step.smoothed = Buffer<float>(backend, features_.size());
     of_step.inv_length = Buffer<float>(backend, num_gaussians_);

@@ -35,8 +35,7 @@ inline double ShareOfFall(int done, int num_steps, const LeftOutSteps& left_out)
 // Returns the number of steps that stage two does at once: views_at_once of the options or, where
 // that is 0, at most two, as the device has branches for (Backend::num_branches), and one of more
 // than half a million Gaussians.
-int FeatureStepsAtOnce(const Backend& backend, int64_t num_gaussians,
-                       const FeatureOptions& options);
+int FeatureStepsAtOnce(int num_branches, int64_t num_gaussians, const FeatureOptions& options);
 
 // Returns whether all 32 numbers of a Gaussian are 0. rows: [num_gaussians, 32].
 bool IsZero(std::span<const float> rows, int64_t gaussian);

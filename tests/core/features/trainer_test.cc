@@ -292,6 +292,13 @@ TEST(FeatureTrainer, OnCudaLearnsWhatTheCpuLearns) {
   EXPECT_EQ(got.gate, once_more.gate);
 }
 
+TEST(FeatureStepsAtOnce, FillAGpuWithSmallScenes) {
+  EXPECT_EQ(FeatureStepsAtOnce(8, 200'000, {}), 2);
+  EXPECT_EQ(FeatureStepsAtOnce(8, 1'000'000, {}), 1);
+  EXPECT_EQ(FeatureStepsAtOnce(1, 200'000, {}), 1);
+  EXPECT_EQ(FeatureStepsAtOnce(1, 1'000'000, {.views_at_once = 3}), 3);
+}
+
 // What the steps of a group do not see is one update of each other.
 TEST(FeatureTrainer, LearnsAlmostTheSameFromSeveralStepsAtOnce) {
   const Capture capture = CaptureWithGaps();
