@@ -44,30 +44,25 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
                               Renderer& scene, const NeighborGraph& graph) {
   next_ = 0;
   batches_ = std::move(batches);
+  views_.clear();
   places_.assign(batches_.size(), {});
   // By view, ascending: the order decides the layout of the rows, and is the same in each run.
   std::map<int, std::vector<size_t>> batches_of_view;
   for (size_t i = 0; i < batches_.size(); ++i) batches_of_view[batches_[i].view].push_back(i);
   UploadBatches(scene.backend());
-  // A CPU uses the memory of the chunk before again, whose views have about as many rows: the
-  // system clears new memory page by page. The pool of a GPU does that by itself, and wastes less.
-  if (scene.backend().queue_depth() > 0) views_.clear();
-  views_.resize(batches_of_view.size());
-  size_t index = 0;  // in views_
   for (const auto& [number, of_view] : batches_of_view) {
-    ViewRows& view = views_[index];
-    view.first_row.clear();
+    ViewRows& view = views_.emplace_back();
     std::vector<int32_t> pixels;
     std::vector<uint32_t> drawn;
     for (const size_t batch : of_view) {
-      places_[batch].view = index;
+      places_[batch].view = views_.size() - 1;
       places_[batch].number = view.first_row.size();
       view.first_row.push_back(static_cast<int32_t>(pixels.size()));
       drawn.push_back(batches_[batch].drawn_neighbors);
       Append(batches_[batch].pixels, pixels);
     }
     view.first_row.push_back(static_cast<int32_t>(pixels.size()));
-    scene.Rows(capture.views[number], pixels, view.rows);
+    view.rows = scene.Rows(capture.views[number], pixels);
     ListColumns(scene.backend(), graph, scene.num_gaussians(), drawn, view);
     // A backend that is out of memory leaves buffers empty: checked once per view, before a step
     // reads them.
@@ -77,7 +72,6 @@ absl::Status RowChunk::Refill(std::vector<PixelBatch> batches, const Capture& ca
                        capture.views[number].name, " do not fit into memory: ", error,
                        "; lower steps_per_chunk"));
     }
-    ++index;
   }
   return absl::OkStatus();
 }

@@ -234,15 +234,8 @@ void Renderer::Features(const Viewpoint& view, DeviceSpan<Half> map, DeviceSpan<
 
 CapturedRows Renderer::Rows(const Viewpoint& view, std::span<const int32_t> pixels,
                             const GaussianSet* subset) {
-  CapturedRows rows;
-  Rows(view, pixels, rows, subset);
-  return rows;
-}
-
-void Renderer::Rows(const Viewpoint& view, std::span<const int32_t> pixels, CapturedRows& rows,
-                    const GaussianSet* subset) {
   Render(view, {.subset = subset});
-  Capture(pixels, rows);
+  return Capture(pixels);
 }
 
 void Renderer::RenderBackward(const Viewpoint& view, DeviceSpan<const float> color_grad) {
@@ -257,9 +250,10 @@ void Renderer::AddWeights(DeviceSpan<float> sums, int num_planes) {
 }
 
 // Lists for each pixel the Gaussians and weights that the latest render blended.
-void Renderer::Capture(std::span<const int32_t> pixels, CapturedRows& rows) {
+CapturedRows Renderer::Capture(std::span<const int32_t> pixels) {
+  CapturedRows rows;
   const Buffer<int32_t> pixel_buffer(backend_, pixels);
-  rows.alpha.Reserve(backend_, static_cast<int64_t>(pixels.size()));
+  rows.alpha = Buffer<float>(backend_, static_cast<int64_t>(pixels.size()));
   backend_.CaptureRows({.pixels = pixel_buffer.span(),
                         .scratch = &scratch_,
                         .row_first = &rows.first,
@@ -267,6 +261,7 @@ void Renderer::Capture(std::span<const int32_t> pixels, CapturedRows& rows) {
                         .entry_weight = &rows.weight,
                         .pixel_alpha = rows.alpha.span(),
                         .pixel_depth = {}});
+  return rows;
 }
 
 // Renders once, and lists the rows of a band of pixels at a time, which bounds their memory.
@@ -276,12 +271,10 @@ std::vector<int32_t> Renderer::Ids(const Viewpoint& view, std::span<const int32_
   const int64_t num_pixels = NumPixels(view);
   std::vector<int32_t> image;
   image.reserve(static_cast<size_t>(num_pixels));
-  CapturedRows rows;
   for (int64_t first = 0; first < num_pixels; first += kBandPixels) {
     std::vector<int32_t> pixels(static_cast<size_t>(std::min(kBandPixels, num_pixels - first)));
     std::iota(pixels.begin(), pixels.end(), static_cast<int32_t>(first));
-    Capture(pixels, rows);
-    const std::vector<int32_t> band = IdsOfRows(ToHost(rows), ids);
+    const std::vector<int32_t> band = IdsOfRows(ToHost(Capture(pixels)), ids);
     image.insert(image.end(), band.begin(), band.end());
   }
   image.resize(static_cast<size_t>(num_pixels));  // shorter if the backend failed

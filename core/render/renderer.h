@@ -105,9 +105,6 @@ class Renderer {
   // Returns the blend rows of the pixels y * width + x. Waits for the backend.
   CapturedRows Rows(const Viewpoint& view, std::span<const int32_t> pixels,
                     const GaussianSet* subset = nullptr);
-  // Does the same, and uses the memory of `rows` again.
-  void Rows(const Viewpoint& view, std::span<const int32_t> pixels, CapturedRows& rows,
-            const GaussianSet* subset = nullptr);
   // Returns the segment that each pixel shows, [height, width]: see IdsOfRows.
   std::vector<int32_t> Ids(const Viewpoint& view, std::span<const int32_t> ids,
                            const GaussianSet* subset = nullptr);
@@ -129,7 +126,7 @@ class Renderer {
     bool for_backward = false;
   };
   void Render(const Viewpoint& view, const Pass& pass);
-  void Capture(std::span<const int32_t> pixels, CapturedRows& rows);
+  CapturedRows Capture(std::span<const int32_t> pixels);
   void Show(const GaussianSet* subset);
 
   Backend& backend_;
