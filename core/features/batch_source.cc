@@ -8,12 +8,13 @@
 
 namespace pepeseg {
 
+bool HasTwoChunks(const Backend& backend) { return backend.queue_depth() > 0; }
+
 BatchSource::BatchSource(const PreparedFeatures& prepared, const FeatureOptions& options,
                          std::unique_ptr<Backend> twin)
     : prepared_(prepared),
       twin_(std::move(twin)),
-      // Without a twin a GPU has chunks as short, because its estimate counts on it.
-      options_(twin_ != nullptr || backend().queue_depth() > 0 ? OfTwoChunks(options) : options),
+      options_(HasTwoChunks(backend()) ? OfTwoChunks(options) : options),
       drawer_(prepared.field, prepared.views, options_),
       num_left_(options.num_steps),
       chunk_start_(drawer_.Save()) {

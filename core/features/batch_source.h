@@ -16,11 +16,14 @@
 
 namespace pepeseg {
 
+// Returns whether the rows of two chunks may be in backend memory at once, so that chunks are
+// shorter (OfTwoChunks): on a GPU, whether or not it has a twin, since estimates count on it.
+bool HasTwoChunks(const Backend& backend);
+
 // The inputs of the steps of stage two, a chunk of batches at a time. The next chunk is drawn on
 // threads of its own while the current one is trained. With a twin of the backend the next chunk is
 // also rasterised meanwhile, so that the device is not idle between two chunks, and the one after
-// it is drawn; the rows of two chunks are then in memory, so that chunks are shorter (OfTwoChunks).
-// All calls must come from one thread.
+// it is drawn. All calls must come from one thread.
 class BatchSource {
  public:
   // `prepared` must outlive it. twin: see Backend::MakeTwin; null: chunks are rasterised when they

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/features/batch_source.h"
 #include "core/features/feature_optimizer.h"
 #include "core/features/preparation.h"
 #include "core/render/renderer.h"
@@ -18,9 +19,6 @@ int64_t SamplesOf(const FeatureOptions& options) {
   return int64_t{options.num_pixels} + options.num_background_pixels +
          (options.perception_weight > 0 ? options.num_perception_pixels : 0);
 }
-
-// Returns whether the rows of two chunks are in backend memory at once, see BatchSource.
-bool HasTwoChunks(const Backend& backend) { return backend.queue_depth() > 0; }
 
 // Returns the number of pixels of all batches of the largest chunk. No chunk reaches across the end
 // of smoothing.

@@ -27,19 +27,10 @@ constexpr float kOfUnseen = 0.005f;        // smallest confidence
 // Cell 0 of a MaskSet is covered by no mask.
 bool IsCovered(const MaskSet& masks, int32_t pixel) { return masks.pixel_cell[pixel] != 0; }
 
-// Returns the numbers of the views that stage two learns from.
-std::vector<size_t> TrainedNumbers(const Capture& capture) {
-  std::vector<size_t> trained;
-  for (size_t v = 0; v < capture.views.size(); ++v) {
-    if (IsTrained(capture.views[v])) trained.push_back(v);
-  }
-  return trained;
-}
-
 // Returns up to kMaxViews of the views, spread evenly.
-std::vector<size_t> SomeOf(std::span<const size_t> views) {
+std::vector<int> SomeOf(std::span<const int> views) {
   const size_t num = std::min(kMaxViews, views.size());
-  std::vector<size_t> some;
+  std::vector<int> some;
   for (size_t k = 0; k < num; ++k) some.push_back(views[k * views.size() / num]);
   return some;
 }
@@ -158,7 +149,7 @@ GaussianCoverage MeasureCoverage(Backend& backend, const Capture& capture,
   GaussianCoverage coverage;
   const bool find_confidence = options.min_confident_views > 0;
   if (!find_confidence && !options.find_uncovered) return coverage;
-  const std::vector<size_t> trained = TrainedNumbers(capture), some = SomeOf(trained);
+  const std::vector<int> trained = TrainedViews(capture), some = SomeOf(trained);
   const double scene_radius = SceneRadius(capture);
   Gaussians plain = WithoutShRest(gaussians);
   std::vector<float> shares;
@@ -169,7 +160,7 @@ GaussianCoverage MeasureCoverage(Backend& backend, const Capture& capture,
     ViewCounts counts(backend, find_confidence ? gaussians.count : 0);
     Buffer<float> all_views(backend, options.find_uncovered ? kNumPixelSets * gaussians.count : 0);
     std::vector<uint8_t> sets[kNumPixelSets];
-    for (const size_t v : options.find_uncovered ? trained : some) {
+    for (const int v : options.find_uncovered ? trained : some) {
       const View& view = capture.views[v];
       const WeightView shrunk(view);
       FindPixels(view, *masks[v], shrunk, sets);
@@ -184,7 +175,7 @@ GaussianCoverage MeasureCoverage(Backend& backend, const Capture& capture,
   Paint(shares, plain);
   Renderer painted(backend, plain, scene_radius);
   coverage.uncovered.resize(capture.views.size());
-  for (const size_t v : trained) {
+  for (const int v : trained) {
     coverage.uncovered[v] = FindUncovered(capture.views[v], *masks[v], painted);
   }
   return coverage;

@@ -106,6 +106,14 @@ std::vector<float> EvenKnots(std::vector<float> scales, double largest) {
 
 }  // namespace
 
+std::vector<int> TrainedViews(const Capture& capture) {
+  std::vector<int> trained;
+  for (size_t i = 0; i < capture.views.size(); ++i) {
+    if (IsTrained(capture.views[i])) trained.push_back(static_cast<int>(i));
+  }
+  return trained;
+}
+
 std::vector<float> MaskScales(const View& view, std::span<const float> depth) {
   std::vector<Moments> moments(view.masks.num_masks);
   MajorityFilter filter(view.masks);

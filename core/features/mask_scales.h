@@ -19,6 +19,8 @@ inline constexpr int kNumScaleKnots = 1000;  // length of FeatureField::scale_qu
 
 // Returns whether stage two learns from a view.
 inline bool IsTrained(const View& view) { return !view.held_out && !view.masks.empty(); }
+// Returns the indices of these views in the capture, ascending.
+std::vector<int> TrainedViews(const Capture& capture);
 
 // Returns the bitset of the masks of a mask cell, [masks.words]. 0 <= cell < masks.num_cells().
 inline std::span<const uint64_t> CellBits(const MaskSet& masks, size_t cell) {

@@ -78,14 +78,6 @@ std::vector<float> ScaleKnots(const std::vector<std::vector<float>>& scales, Sca
   return mapping == ScaleMapping::kQuantiles ? ScaleQuantiles(all) : EvenScales(all);
 }
 
-std::vector<int> TrainedViews(const Capture& capture) {
-  std::vector<int> trained;
-  for (size_t i = 0; i < capture.views.size(); ++i) {
-    if (IsTrained(capture.views[i])) trained.push_back(static_cast<int>(i));
-  }
-  return trained;
-}
-
 // Returns the scales of all masks, by view of the capture, empty for views that are not trained on.
 // Gives the depths to the reprojection. Works on a block of views at a time, to bound the memory:
 // measures their masks in parallel while the device renders the depths of the next block.

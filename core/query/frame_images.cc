@@ -117,10 +117,7 @@ BinaryMask Resized(const BinaryMask& mask, const ImageSize& from, const ImageSiz
 
 ModelView AtSize(const ModelView& view, int width, int height) {
   ModelView resized = view;
-  const double sx = static_cast<double>(width) / view.camera.width;
-  const double sy = static_cast<double>(height) / view.camera.height;
-  Camera& camera = resized.camera;
-  camera = {width, height, camera.fx * sx, camera.fy * sy, camera.cx * sx, camera.cy * sy};
+  resized.camera = Resized(view.camera, width, height);
   return resized;
 }
 

@@ -215,10 +215,8 @@ std::vector<float> Renderer::Depth(const Viewpoint& view, const GaussianSet* sub
 void Renderer::Depth(const Viewpoint& view, WeightedDepth& depth, const GaussianSet* subset) {
   Render(view, {.subset = subset, .with_depth = true});
   const auto num_pixels = static_cast<size_t>(NumPixels(view));
-  depth.alpha.resize(num_pixels);
+  depth.alpha.assign(num_pixels, 0);  // and so are the depths if the backend fails
   depth.depth.resize(num_pixels);
-  // Zeros if the backend failed.
-  if (alpha_.empty() || depth_.empty()) depth.alpha.assign(num_pixels, 0);
   alpha_.Download(std::span<float>(depth.alpha));
   depth_.Download(std::span<float>(depth.depth));
 }

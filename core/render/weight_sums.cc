@@ -18,10 +18,7 @@ Viewpoint Shrunk(Viewpoint view) {
   };
   const int width = shrunk(camera.width, kMaxWeightPixels);
   const int height = shrunk(camera.height, kMaxWeightPixels / width);
-  // Each side has its own scale, because sides are rounded.
-  const double by_x = static_cast<double>(width) / camera.width;
-  const double by_y = static_cast<double>(height) / camera.height;
-  camera = {width, height, camera.fx * by_x, camera.fy * by_y, camera.cx * by_x, camera.cy * by_y};
+  camera = Resized(camera, width, height);
   return view;
 }
 

@@ -43,6 +43,12 @@ std::vector<int32_t> GridPixels(const Camera& camera, double max_cells) {
   return pixels;
 }
 
+Camera Resized(const Camera& camera, int width, int height) {
+  const double by_x = static_cast<double>(width) / camera.width;
+  const double by_y = static_cast<double>(height) / camera.height;
+  return {width, height, camera.fx * by_x, camera.fy * by_y, camera.cx * by_x, camera.cy * by_y};
+}
+
 PinholeView ToPinholeView(const Camera& camera, const Pose& cam_from_world) {
   PinholeView view;
   view.width = camera.width;

@@ -45,6 +45,10 @@ Eigen::Vector3d OriginOf(std::span<const Pose> cams_from_world);
 Pose RelativeTo(const Eigen::Vector3d& origin, const Pose& cam_from_world);
 Pose InWorld(const Eigen::Vector3d& origin, const Pose& cam_from_origin);
 
+// Returns the camera of the same field of view in an image of another size. Each side has a scale
+// of its own.
+Camera Resized(const Camera& camera, int width, int height);
+
 // Returns the indices, y * width + x, of the centres of a regular grid of square cells, as fine as
 // `max_cells` allows. Partial cells at the border may bring the count slightly above `max_cells`.
 std::vector<int32_t> GridPixels(const Camera& camera, double max_cells);

@@ -53,12 +53,7 @@ Camera PreviewCamera(const Camera& camera) {
   const auto shrunk = [&](int side) {
     return std::clamp(static_cast<int>(std::lround(side * scale)), 1, kMaxPreviewSide);
   };
-  const Camera small = {.width = shrunk(camera.width), .height = shrunk(camera.height)};
-  // Each side has its own scale, because sides are rounded.
-  const double by_x = static_cast<double>(small.width) / camera.width;
-  const double by_y = static_cast<double>(small.height) / camera.height;
-  return {small.width,      small.height,     camera.fx * by_x,
-          camera.fy * by_y, camera.cx * by_x, camera.cy * by_y};
+  return Resized(camera, shrunk(camera.width), shrunk(camera.height));
 }
 
 absl::StatusOr<std::string> EncodePreview(Image& image) {

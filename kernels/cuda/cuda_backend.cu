@@ -59,7 +59,8 @@ CudaBackend::~CudaBackend() {
   if (stream_ != nullptr) cudaStreamDestroy(stream_);
 }
 
-// With timed kernels there is no twin, because its kernels would run between two events.
+// Returns none if kernels are timed: each time is that between two events of this backend, and
+// would hold kernels of the twin.
 std::unique_ptr<Backend> CudaBackend::MakeTwin() const {
   if (options_.kernel_times != nullptr) return nullptr;
   auto twin = std::make_unique<CudaBackend>(options_, use_);

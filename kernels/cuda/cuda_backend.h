@@ -88,7 +88,7 @@ struct CudaMemoryUse {
 // later call, at the latest when the host waits.
 class CudaBackend final : public Backend {
  public:
-  // use: of the twin; null for a backend that is no twin.
+  // use: the memory of the backend that this one is a twin of; null: of none.
   explicit CudaBackend(const CudaOptions& options, std::shared_ptr<CudaMemoryUse> use = nullptr);
   ~CudaBackend() override;
 

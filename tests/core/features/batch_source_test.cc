@@ -13,7 +13,7 @@ namespace {
 
 constexpr FeatureOptions kChunked = {.num_steps = 30, .num_pixels = 40, .steps_per_chunk = 7};
 
-// What a step reads of its pixels.
+// The part of a step's input that is of its pixels.
 struct Inputs {
   std::vector<int32_t> pixels, gaussians, columns;
   std::vector<float> alpha;

@@ -299,7 +299,7 @@ TEST(FeatureStepsAtOnce, FillAGpuWithSmallScenes) {
   EXPECT_EQ(FeatureStepsAtOnce(1, 1'000'000, {.views_at_once = 3}), 3);
 }
 
-// What the steps of a group do not see is one update of each other.
+// Steps that are done at once do not see each other's updates.
 TEST(FeatureTrainer, LearnsAlmostTheSameFromSeveralStepsAtOnce) {
   const Capture capture = CaptureWithGaps();
   const Gaussians gaussians = testing::PointGaussians(capture, 0.06f);
