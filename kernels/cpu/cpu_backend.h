@@ -4,8 +4,10 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include "kernels/backend.h"
+#include "kernels/cpu/reusable.h"
 #include "kernels/cpu/simd_kernels.h"
 #include "kernels/thread_pool.h"
 
@@ -103,6 +105,9 @@ class CpuBackend final : public Backend {
 
   ThreadPool pool_;
   const SimdKernels& simd_;
+  // Working memory that ops of each step use again.
+  Reusable<PairMemory> pair_memory_;
+  Reusable<std::vector<float>> values_;
   std::atomic<size_t> bytes_in_use_ = 0, peak_bytes_ = 0;
   std::atomic<bool> failed_ = false;  // whether error_ is set, readable without the lock
   mutable std::mutex error_mutex_;

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <memory>
 #include <vector>
 
 #include "kernels/cpu/cpu_backend.h"
@@ -14,7 +13,7 @@ namespace {
 // Everything of PairLoss that does not depend on features, and the working memory of its passes.
 // `job` points into the plan and into `args`, which must outlive it.
 struct PairPlan {
-  explicit PairPlan(const PairLossArgs& args);
+  PairPlan(const PairLossArgs& args, PairMemory& memory);
 
   // Calls body(panel) for the panels on and above the diagonal, row by row. The bits of a panel are
   // valid during the call.
@@ -23,8 +22,8 @@ struct PairPlan {
     for (int row = 0; row < job.padded; row += kPairPanel) {
       for (int column = row; column < job.padded; column += kPairPanel) {
         body(PairPanel{row, std::min(row + kPairPanel, job.padded), column,
-                       std::min(column + kPairPanel, job.padded), bits_.get(),
-                       row == column ? bits_.get() : bits_.get() + num_bits_});
+                       std::min(column + kPairPanel, job.padded), bits_,
+                       row == column ? bits_ : bits_ + num_bits_});
       }
     }
   }
@@ -37,11 +36,11 @@ struct PairPlan {
   void LimitDraws(const PairLossArgs& args);
   void ScaleWeights(const PairLossArgs& args);
 
-  std::vector<float> psi_, pixel_weight_, unit_, unit_by_channel_, unit_grad_;
+  std::vector<float> psi_, pixel_weight_;
   std::vector<int32_t> cell_;
   std::vector<uint32_t> agrees_;
-  int64_t num_bits_ = 0;              // words of the bits of a panel
-  std::unique_ptr<uint16_t[]> bits_;  // of a panel and, if there are several, of its mirrored one
+  int64_t num_bits_ = 0;      // words of the bits of a panel
+  uint16_t* bits_ = nullptr;  // of a panel and, if there are several, of its mirrored one
 };
 
 // Share of all pairs that counts as hard at least, for the number of easy ones.
@@ -50,7 +49,7 @@ constexpr double kMinHardShare = 0.05;
 static_assert(kGateSize == OneLayerGateSize(kFeatureSize) &&
               kTwoLayerGateSize == TwoLayerGateSize(kFeatureSize));
 
-PairPlan::PairPlan(const PairLossArgs& args) : job() {
+PairPlan::PairPlan(const PairLossArgs& args, PairMemory& memory) : job() {
   const auto num_pixels = static_cast<int>(args.pixel_weight.size);
   const auto num_scales = static_cast<int>(args.scales.size);
   assert(num_scales >= 1 && num_scales <= kMaxScales && num_pixels < 1 << 16);
@@ -59,13 +58,13 @@ PairPlan::PairPlan(const PairLossArgs& args) : job() {
   job.num_scales = num_scales;
   job.padded = (num_pixels + kPairRows - 1) / kPairRows * kPairRows;
   const size_t num_units = size_t{1} * num_scales * job.padded * kFeatureSize;
-  unit_.resize(num_units);
-  unit_by_channel_.resize(num_units);
-  unit_grad_.resize(2 * num_units);
-  // Every word that is read is written first.
+  // What is read of a pixel is written first; nothing that is kept depends on the padding.
+  job.unit = Reserve(memory.unit, num_units);
+  job.unit_by_channel = Reserve(memory.unit_by_channel, num_units);
+  job.unit_grad = Reserve(memory.unit_grad, 2 * num_units);
   const int64_t side = std::min(job.padded, kPairPanel);
   num_bits_ = side * (side / kPairTile) * 2 * num_scales;
-  bits_ = std::make_unique_for_overwrite<uint16_t[]>(num_bits_ * (job.padded > side ? 2 : 1));
+  bits_ = Reserve(memory.bits, num_bits_ * (job.padded > side ? 2 : 1));
   GateScales(args);
   ComparePatches(args);
   LimitDraws(args);
@@ -74,9 +73,6 @@ PairPlan::PairPlan(const PairLossArgs& args) : job() {
   job.cell = cell_.data();
   job.agrees = agrees_.data();
   job.pixel_weight = pixel_weight_.data();
-  job.unit = unit_.data();
-  job.unit_by_channel = unit_by_channel_.data();
-  job.unit_grad = unit_grad_.data();
 }
 
 // psi of each scale.
@@ -188,7 +184,8 @@ void GateGradient(const PairJob& job, const std::vector<PairBlock>& blocks) {
 // gathered apart, because their means need counts that are known only after all blocks.
 void CpuBackend::PairLoss(const PairLossArgs& args) {
   if (failed()) return;
-  PairPlan plan(args);
+  const auto memory = pair_memory_.Take();
+  PairPlan plan(args, *memory);
   PairJob& job = plan.job;
   std::vector<PairBlock> blocks(job.padded / kPairRows);
   const auto for_blocks = [&](int first, int end, auto&& body) {
@@ -207,8 +204,7 @@ void CpuBackend::PairLoss(const PairLossArgs& args) {
     for_blocks(panel.first_row, panel.end_row,
                [&](PairBlock& block) { simd_.gather_pairs(job, panel, block.first, block.end); });
     if (panel.diagonal()) return;
-    const PairPanel swapped = {panel.first_column, panel.end_column, panel.first_row,
-                               panel.end_row,      panel.mirrored,   panel.bits};
+    const PairPanel swapped = panel.Swapped();
     for_blocks(swapped.first_row, swapped.end_row,
                [&](PairBlock& block) { simd_.gather_pairs(job, swapped, block.first, block.end); });
   });

@@ -38,8 +38,9 @@ void CpuBackend::PerceptionLoss(const PerceptionLossArgs& args) {
     GateAt({args.gate.data, args.gate.size}, kFeatureSize, args.scales[scale],
            psi.data() + scale * kFeatureSize);
   }
-  std::vector<float> unit(num_pixels * num_scales * kFeatureSize);
-  const PerceptionJob job = {&args, num_scales, psi.data(), unit.data()};
+  const auto unit = values_.Take();
+  const PerceptionJob job = {&args, num_scales, psi.data(),
+                             Reserve(*unit, num_pixels * num_scales * kFeatureSize)};
   std::vector<PerceptionBlock> blocks((num_pixels + kBlock - 1) / kBlock);
   for (size_t i = 0; i < blocks.size(); ++i) {
     blocks[i].first = static_cast<int64_t>(i) * kBlock;

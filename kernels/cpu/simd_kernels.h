@@ -148,12 +148,15 @@ struct PairJob {
   float* unit_grad;        // [2, scales, padded, 32] of the sum over positives, then negatives
   // Read by the last pass: 1 / counts.
   float positive_scale, negative_scale, norm_scale;
+
+  PEPESEG_HD int tile_words() const { return 2 * num_scales * kPairTile; }  // of the bits of a tile
 };
 
 // Pixels p in [first_row, end_row) and q in [first_column, end_column), multiples of kPairRows, of
-// which the columns are the rows or come after them. The pairs that count are bits, a word for each
-// p, each tile of kPairTile pixels q, each of positives and negatives with a gradient, and each
-// scale: [rows, columns / kPairTile, 2, num_scales].
+// which the columns are the rows or come after them. The pairs that count are bits: a word of
+// kPairTile pixels q for each p, each scale, and each of positives and negatives with a gradient.
+// The words of a tile of kPairTile pixels p and as many q are next to each other:
+// [rows / kPairTile, columns / kPairTile, 2, num_scales, kPairTile].
 struct PairPanel {
   int first_row, end_row, first_column, end_column;
   uint16_t* bits;
@@ -161,6 +164,15 @@ struct PairPanel {
   uint16_t* mirrored;
 
   PEPESEG_HD bool diagonal() const { return first_row == first_column; }
+  PEPESEG_HD PairPanel Swapped() const {
+    return {first_column, end_column, first_row, end_row, mirrored, bits};
+  }
+  // Position of the first word of pixel p in the tile of p and q.
+  PEPESEG_HD int64_t WordOf(const PairJob& job, int p, int q) const {
+    const int64_t columns = (end_column - first_column) / kPairTile;
+    const int64_t tile = (p - first_row) / kPairTile * columns + (q - first_column) / kPairTile;
+    return tile * job.tile_words() + (p - first_row) % kPairTile;
+  }
 };
 
 // Pixels p in [first, end) and their sums.
@@ -343,7 +355,7 @@ struct SimdKernels {
   // The passes of PairLoss over pixels, in this order: units, choice of pairs, gradients of the
   // units, gradients. choose_pairs: pairs of the block's pixels, which are rows of the panel, with
   // columns that come after them. gather_pairs: adds to the gradients of rows [first, end) of a
-  // panel; `bits` and the columns may be those of the mirrored one.
+  // panel, which may be the mirrored one; the panel of the first columns starts them.
   void (*gate_pixels)(const PairJob& job, int first, int end);
   void (*choose_pairs)(const PairJob& job, const PairPanel& panel, PairBlock& block);
   void (*gather_pairs)(const PairJob& job, const PairPanel& panel, int first, int end);

@@ -71,9 +71,9 @@ PEPESEG_HD bool None(LaneMask a) { return hn::AllFalse(FloatTag(), a.m); }
 PEPESEG_HD int Count(LaneMask a) { return static_cast<int>(hn::CountTrue(FloatTag(), a.m)); }
 // Returns one bit for each lane, lane 0 the lowest.
 PEPESEG_HD uint32_t BitsOf(LaneMask a) {
-  uint8_t bytes[8] = {};
-  hn::StoreMaskBits(FloatTag(), a.m, bytes);
-  return static_cast<uint32_t>(bytes[0] | bytes[1] << 8);
+  uint64_t bits = 0;  // eight bytes may be written
+  hn::StoreMaskBits(FloatTag(), a.m, reinterpret_cast<uint8_t*>(&bits));
+  return static_cast<uint32_t>(bits);
 }
 
 PEPESEG_HD Lanes Select(LaneMask m, Lanes a, Lanes b) {

@@ -51,10 +51,7 @@ PEPESEG_HD void Correlate(const PairJob& job, int p, int q, Cosines& cosines) {
 using IntLanes = hn::Vec<IntTag>;
 using UintTag = hn::RebindToUnsigned<FloatTag>;
 
-PEPESEG_HD uint32_t BitsOf(hn::Mask<IntTag> mask) {
-  return BitsOf(LaneMask{hn::RebindMask(FloatTag(), mask)});
-}
-// The inverse of BitsOf.
+// Returns the lanes of which the bit is set; lane 0 has the lowest.
 PEPESEG_HD LaneMask MaskOf(uint32_t bits) {
   const uint8_t bytes[8] = {static_cast<uint8_t>(bits), static_cast<uint8_t>(bits >> 8)};
   return {hn::LoadMaskBits(FloatTag(), bytes)};
@@ -74,20 +71,30 @@ PEPESEG_HD IntLanes PairHash(uint32_t p, uint32_t q, uint32_t seed) {
   return hn::BitCast(di, hn::ShiftRight<1>(hn::Xor(h, hn::ShiftRight<16>(h))));
 }
 
-// The pixels q that a pixel p is paired with, and whether their labels agree.
-struct Choice {
-  uint32_t chosen;              // a bit for each q: the pair counts
-  uint32_t agrees[kMaxScales];  // a bit for each q: G = 1 at that scale
-};
-
-// Chooses among kLanes pixels from q on, whose bits start at `offset`. The rules are those of
-// PairLossArgs: hard, drawn or wrong.
-PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosine)[kPairTile],
-                            int offset, Choice& choice) {
+// Returns the kLanes pixels from q on that come after p, without padding.
+PEPESEG_HD LaneMask PixelsAfter(const PairJob& job, int p, int q) {
   const IntTag d;
+  const auto pixel = hn::Iota(d, q);
+  const auto after =
+      hn::And(hn::Lt(hn::Set(d, p), pixel), hn::Lt(pixel, hn::Set(d, job.num_pixels)));
+  return {hn::RebindMask(FloatTag(), after)};
+}
+
+// Returns the scales at which the labels of p and of the kLanes pixels from q on agree, as bits.
+PEPESEG_HD IntLanes AgreesOf(const PairJob& job, int p, int q) {
   const uint32_t* row = job.agrees + int64_t{job.cell[p]} * job.args->num_cells;
-  const auto cell = hn::LoadU(d, job.cell + q);
-  const auto agrees = hn::GatherIndex(d, reinterpret_cast<const int32_t*>(row), cell);
+  return hn::GatherIndex(IntTag(), reinterpret_cast<const int32_t*>(row),
+                         hn::LoadU(IntTag(), job.cell + q));
+}
+PEPESEG_HD LaneMask AgreesAt(IntLanes agrees, int scale) {
+  return {hn::RebindMask(FloatTag(), hn::TestBit(agrees, hn::Set(IntTag(), 1 << scale)))};
+}
+
+// Chooses among kLanes pixels from q on. `cosine` is that of p with the first of them, by scale.
+// The rules are those of PairLossArgs: hard, drawn or wrong.
+PEPESEG_HD LaneMask Choose(const PairJob& job, int p, int q, IntLanes agrees,
+                           const float (*cosine)[kPairTile], int offset) {
+  const IntTag d;
   const auto negative = hn::Eq(agrees, hn::Zero(d));
   const auto positive = hn::Eq(agrees, hn::Set(d, (1 << job.num_scales) - 1));
   const auto limit =
@@ -95,157 +102,162 @@ PEPESEG_HD void ChooseLanes(const PairJob& job, int p, int q, const float (*cosi
   const auto hash =
       PairHash(static_cast<uint32_t>(p), static_cast<uint32_t>(q), job.args->pair_seed);
   const auto hard = hn::Not(hn::Or(negative, positive));
-  auto chosen = hn::RebindMask(FloatTag(), hn::Or(hard, hn::Lt(hash, limit)));
+  LaneMask chosen = {hn::RebindMask(FloatTag(), hn::Or(hard, hn::Lt(hash, limit)))};
   const Lanes min_positive(job.args->min_positive), max_negative(job.args->max_negative);
   for (int scale = 0; scale < job.num_scales; ++scale) {
-    const auto agree = hn::TestBit(agrees, hn::Set(d, 1 << scale));
-    choice.agrees[scale] |= BitsOf(agree) << offset;
-    const auto agree_float = hn::RebindMask(FloatTag(), agree);
+    const LaneMask agree = AgreesAt(agrees, scale);
     const Lanes c = Lanes::Load(cosine[scale] + offset);
-    const auto low = hn::And(agree_float, (c < min_positive).m);
-    const auto high = hn::AndNot(agree_float, (max_negative < c).m);
-    chosen = hn::Or(chosen, hn::Or(low, high));
+    chosen = chosen | (agree & (c < min_positive)) | AndNot(agree, max_negative < c);
   }
-  choice.chosen |= BitsOf(LaneMask{chosen}) << offset;
+  return chosen & PixelsAfter(job, p, q);
 }
 
-// Chooses among the kPairTile pixels from q on, those after p only.
-PEPESEG_HD Choice Choose(const PairJob& job, int p, int q, const float (*cosine)[kPairTile]) {
-  Choice choice = {};
-  for (int offset = 0; offset < kPairTile; offset += kLanes) {
-    ChooseLanes(job, p, q + offset, cosine, offset, choice);
-  }
-  // Padding has no pairs.
-  const int num_columns = Max(0, Min(job.num_pixels - q, kPairTile));
-  choice.chosen &= (1u << num_columns) - 1u;
-  if (p >= q) choice.chosen &= ~((2u << (p - q)) - 1u);
-  return choice;
+// Returns the weights of the pairs of pixel p with the kLanes pixels from q on.
+PEPESEG_HD Lanes PairWeights(const PairJob& job, int p, int q) {
+  return MulAdd(Lanes(job.weight_slope * job.pixel_weight[p]), Lanes::Load(job.pixel_weight + q),
+                Lanes(job.weight_base));
 }
 
-// Writes the weights of the pairs of pixel p with the kPairTile pixels from q on.
-PEPESEG_HD void PairWeights(const PairJob& job, int p, int q, float* weight) {
-  const Lanes slope(job.weight_slope * job.pixel_weight[p]), base(job.weight_base);
-  for (int offset = 0; offset < kPairTile; offset += kLanes) {
-    MulAdd(slope, Lanes::Load(job.pixel_weight + q + offset), base).Store(weight + offset);
-  }
-}
-
-// Adds the terms of the chosen pairs of pixel p at all scales to the sums of the block. Writes a
-// word of bits for each scale to positives, and to negatives where the term has a gradient.
-PEPESEG_HD void AddTerms(const PairJob& job, int p, int q, const float (*cosine)[kPairTile],
-                         const Choice& choice, PairBlock& block, uint16_t* positives,
-                         uint16_t* negatives) {
-  alignas(64) float weight[kPairTile];
-  PairWeights(job, p, q, weight);
-  const Lanes zero(0.0f), margin(job.args->negative_margin);
-  Lanes positive_sum = zero, negative_sum = zero;
+// The sums of a tile.
+struct TileSums {
+  Lanes positive = Lanes(0.0f), negative = Lanes(0.0f);
   int num_positives = 0, num_negatives = 0;
-  for (int scale = 0; scale < job.num_scales; ++scale) {
-    const uint32_t positive = choice.chosen & choice.agrees[scale];
-    const uint32_t negative = choice.chosen & ~choice.agrees[scale];
-    num_positives += __builtin_popcount(positive);
-    num_negatives += __builtin_popcount(negative);
-    uint32_t pushes = 0;
-    for (int offset = 0; offset < kPairTile; offset += kLanes) {
-      const Lanes w = Lanes::Load(weight + offset), c = Lanes::Load(cosine[scale] + offset);
-      const LaneMask pull = MaskOf(positive >> offset), push = MaskOf(negative >> offset);
-      positive_sum = positive_sum + Select(pull, PositiveTerm(w, c), zero);
-      negative_sum = negative_sum + Select(push, NegativeTerm(w, c, margin), zero);
-      pushes |= BitsOf(margin < c) << offset;
-    }
-    positives[scale] = static_cast<uint16_t>(positive);
-    negatives[scale] = static_cast<uint16_t>(negative & pushes);
-  }
-  block.sums[kNumPositives] += num_positives;
-  block.sums[kNumNegatives] += num_negatives;
-  block.sums[kPositiveLoss] += static_cast<double>(First(Total(positive_sum)));
-  block.sums[kNegativeLoss] += static_cast<double>(First(Total(negative_sum)));
-}
-
-// Bits of a tile: [pixel p, positives and negatives by scale], a bit for each q.
-struct TileBits {
-  uint16_t at[kPairTile][2 * kMaxScales];
 };
 
-// Turns words of bits by p into words by q, for `count` kinds of words.
-PEPESEG_HD void Transpose(const TileBits& in, int count, TileBits& out) {
-  const hn::CappedTag<uint16_t, kPairTile> d;
-  constexpr int kStep = HWY_MIN(HWY_LANES(uint16_t), kPairTile);
-  for (int kind = 0; kind < count; ++kind) {
-    alignas(32) uint16_t words[kPairTile];
-    for (int i = 0; i < kPairTile; ++i) words[i] = in.at[i][kind];
-    for (int j = 0; j < kPairTile; ++j) {
-      uint32_t bits = 0;
-      for (int i = 0; i < kPairTile; i += kStep) {
-        const auto bit = hn::Set(d, static_cast<uint16_t>(1u << j));
-        uint8_t bytes[8] = {};
-        hn::StoreMaskBits(d, hn::TestBit(hn::Load(d, words + i), bit), bytes);
-        bits |= static_cast<uint32_t>(bytes[0] | (kStep > 8 ? bytes[1] << 8 : 0)) << i;
-      }
-      out.at[j][kind] = static_cast<uint16_t>(bits);
-    }
+PEPESEG_HD void AddTo(PairBlock& block, const TileSums& sums) {
+  block.sums[kNumPositives] += sums.num_positives;
+  block.sums[kNumNegatives] += sums.num_negatives;
+  block.sums[kPositiveLoss] += static_cast<double>(First(Total(sums.positive)));
+  block.sums[kNegativeLoss] += static_cast<double>(First(Total(sums.negative)));
+}
+
+// Adds the terms of the chosen pairs of pixel p with kLanes pixels from q + offset on, at all
+// scales. Sets the pairs' bits in the words of p: those of positives by scale, then those of
+// negatives whose term has a gradient.
+PEPESEG_HD void AddTerms(const PairJob& job, int p, int q, int offset,
+                         const float (*cosine)[kPairTile], TileSums& sums, uint16_t* words) {
+  const IntLanes agrees = AgreesOf(job, p, q + offset);
+  const LaneMask chosen = Choose(job, p, q + offset, agrees, cosine, offset);
+  if (None(chosen)) return;
+  const Lanes weight = PairWeights(job, p, q + offset);
+  const Lanes zero(0.0f), margin(job.args->negative_margin);
+  uint16_t* negative_words = words + job.num_scales * kPairTile;
+  for (int scale = 0; scale < job.num_scales; ++scale) {
+    const LaneMask agree = AgreesAt(agrees, scale);
+    const LaneMask positive = agree & chosen, negative = AndNot(agree, chosen);
+    const Lanes c = Lanes::Load(cosine[scale] + offset);
+    sums.positive = sums.positive + Select(positive, PositiveTerm(weight, c), zero);
+    sums.negative = sums.negative + Select(negative, NegativeTerm(weight, c, margin), zero);
+    const uint32_t positives = BitsOf(positive);
+    sums.num_positives += __builtin_popcount(positives);
+    sums.num_negatives += __builtin_popcount(BitsOf(negative));
+    const uint32_t pushes = BitsOf(negative & (margin < c));
+    words[scale * kPairTile] |= static_cast<uint16_t>(positives << offset);
+    negative_words[scale * kPairTile] |= static_cast<uint16_t>(pushes << offset);
   }
 }
 
-// Chooses the pairs of pixels p and q of a tile, adds their terms, and fills `bits` with those of
-// which q comes after p.
-PEPESEG_HD void ChooseTile(const PairJob& job, int p, int q, PairBlock& block, TileBits& bits) {
+// Chooses the pairs of pixels p and q of a tile, adds their terms, and fills the tile's words with
+// the bits of those pairs of which q comes after p.
+PEPESEG_HD void ChooseTile(const PairJob& job, int p, int q, PairBlock& block, uint16_t* words) {
+  for (int i = 0; i < job.tile_words(); ++i) words[i] = 0;
   Cosines cosines;
+  TileSums sums;
   for (int half = 0; half < kPairTile; half += kTileRows) {
     Correlate(job, p + half, q, cosines);
-    for (int i = 0; i < kTileRows; ++i) {
-      uint16_t* row = bits.at[half + i];
-      const int pixel = p + half + i;
-      Choice choice = {};
-      if (pixel < block.end) choice = Choose(job, pixel, q, cosines.at[i]);
-      if (choice.chosen == 0) {
-        for (int kind = 0; kind < 2 * job.num_scales; ++kind) row[kind] = 0;
-        continue;
+    for (int i = half; i < half + kTileRows && p + i < block.end; ++i) {
+      for (int offset = 0; offset < kPairTile; offset += kLanes) {
+        AddTerms(job, p + i, q, offset, cosines.at[i - half], sums, words + i);
       }
-      AddTerms(job, pixel, q, cosines.at[i], choice, block, row, row + job.num_scales);
+    }
+  }
+  AddTo(block, sums);
+}
+
+// Exchanges p and q in the words of a tile.
+PEPESEG_HD void Transpose(const PairJob& job, const uint16_t* words, uint16_t* transposed) {
+  const hn::CappedTag<uint16_t, 2 * kPairTile> d;
+  constexpr int kStep = HWY_MIN(HWY_LANES(uint16_t), 2 * kPairTile);
+  static_assert(kStep == kPairTile / 2 || kStep == kPairTile || kStep == 2 * kPairTile);
+  for (int i = 0; i < job.tile_words(); ++i) transposed[i] = 0;
+  for (int first = 0; first < job.tile_words(); first += kStep) {
+    const auto in = hn::LoadU(d, words + first);
+    const int shift = first % kPairTile;  // half a kind of words, if not 0
+    uint16_t* out = transposed + first - shift;
+    for (int j = 0; j < kPairTile; ++j) {
+      uint64_t bits = 0;
+      const auto bit = hn::Set(d, static_cast<uint16_t>(1u << j));
+      hn::StoreMaskBits(d, hn::TestBit(in, bit), reinterpret_cast<uint8_t*>(&bits));
+      out[j] |= static_cast<uint16_t>(bits << shift);
+      if (kStep > kPairTile) out[kPairTile + j] |= static_cast<uint16_t>(bits >> kPairTile);
     }
   }
 }
 
-// Writes the bits of a tile to those of a panel, from pixel p on for tile number `column` of its q.
-PEPESEG_HD void StoreBits(const PairJob& job, const TileBits& bits, uint16_t* panel, int row,
-                          int column, int num_columns) {
-  const int count = 2 * job.num_scales;
-  for (int i = 0; i < kPairTile; ++i) {
-    uint16_t* out = panel + (int64_t{row + i} * num_columns + column) * count;
-    for (int kind = 0; kind < count; ++kind) out[kind] = bits.at[i][kind];
-  }
+constexpr int kBitsetTiles = 4;  // tiles of q of which the bits are in one integer
+
+// Returns the words of a pixel in `count` tiles, the first tile's in the lowest bits.
+PEPESEG_HD uint64_t BitsetOf(const uint16_t* words, int tile_words, int count) {
+  uint64_t bits = 0;
+  for (int i = 0; i < count; ++i) bits |= uint64_t{words[i * tile_words]} << (i * kPairTile);
+  return bits;
 }
 
-// Adds weight[j] * unit[j] to sum for each set bit j, in ascending order.
-PEPESEG_HD void AddUnits(uint32_t bits, const float* weight, const float* units,
-                         FeatureLanes& sum) {
-  for (; bits != 0; bits &= bits - 1) {
-    const int j = __builtin_ctz(bits);
-    AddScaled(weight[j], units + j * kFeatureSize, sum);
-  }
-}
+// Adds pairs of pixel p to its gradients at one scale.
+struct PixelGradient {
+  const PairJob& job;
+  const float* units;  // of all pixels
+  Lanes slope, base;   // of the weights of the pairs of p
+  FeatureLanes positive, negative;
 
-// Adds the pairs of pixel p with the pixels from `first` to `end` to its gradients at one scale.
-// `bits` are those of p at this scale.
-PEPESEG_HD void GatherPixel(const PairJob& job, int scale, int p, int first, int end,
-                            const uint16_t* bits) {
+  PEPESEG_HD Lanes WeightOf(int q) const { return MulAdd(slope, Lanes(job.pixel_weight[q]), base); }
+  PEPESEG_HD void Add(Lanes factor, int q, FeatureLanes& sum) const {
+    const FeatureLanes unit = LoadFeature(units + int64_t{q} * kFeatureSize);
+    HWY_UNROLL(kVectors)
+    for (int k = 0; k < kVectors; ++k) sum.v[k] = MulAdd(factor, unit.v[k], sum.v[k]);
+  }
+  // Removes the lowest of the bits, which count from pixel q on, and adds its pair.
+  PEPESEG_HD void Pull(uint64_t& bits, int q) {
+    q += __builtin_ctzll(bits);
+    bits &= bits - 1;
+    Add(PositiveTermVjp(WeightOf(q)), q, positive);
+  }
+  PEPESEG_HD void Push(uint64_t& bits, int q) {
+    q += __builtin_ctzll(bits);
+    bits &= bits - 1;
+    Add(WeightOf(q), q, negative);
+  }
+};
+
+// Adds the pairs of pixel p with the pixels q of the panel, in ascending order, to its gradients at
+// one scale.
+PEPESEG_HD void GatherPixel(const PairJob& job, const PairPanel& panel, int scale, int p) {
   const int64_t half = int64_t{job.num_scales} * job.padded * kFeatureSize;
   float* grad = job.unit_grad + (int64_t{scale} * job.padded + p) * kFeatureSize;
-  FeatureLanes positive = LoadFeature(grad), negative = LoadFeature(grad + half);
-  for (int q = first; q < end; q += kPairTile, bits += 2 * job.num_scales) {
-    const uint32_t pulls = bits[0], pushes = bits[job.num_scales];
-    if ((pulls | pushes) == 0) continue;
-    alignas(64) float weight[kPairTile], pull_weight[kPairTile];
-    PairWeights(job, p, q, weight);
-    for (int i = 0; i < kPairTile; i += kLanes) {
-      PositiveTermVjp(Lanes::Load(weight + i)).Store(pull_weight + i);
+  const bool begins = panel.first_column == 0;  // the first panel of a pixel
+  PixelGradient sums = {job,
+                        UnitOf(job, scale, 0),
+                        Lanes(job.weight_slope * job.pixel_weight[p]),
+                        Lanes(job.weight_base),
+                        begins ? ZeroFeature() : LoadFeature(grad),
+                        begins ? ZeroFeature() : LoadFeature(grad + half)};
+  const int tile_words = job.tile_words();
+  const uint16_t* words = panel.bits + panel.WordOf(job, p, panel.first_column) + scale * kPairTile;
+  for (int q = panel.first_column; q < panel.end_column; q += kBitsetTiles * kPairTile) {
+    const int count = Min(kBitsetTiles, (panel.end_column - q) / kPairTile);
+    uint64_t pulls = BitsetOf(words, tile_words, count);
+    uint64_t pushes = BitsetOf(words + job.num_scales * kPairTile, tile_words, count);
+    // By turns, so that a sum need not wait for its own last addition.
+    while (pulls != 0 && pushes != 0) {
+      sums.Pull(pulls, q);
+      sums.Push(pushes, q);
     }
-    AddUnits(pulls, pull_weight, UnitOf(job, scale, q), positive);
-    AddUnits(pushes, weight, UnitOf(job, scale, q), negative);
+    while (pulls != 0) sums.Pull(pulls, q);
+    while (pushes != 0) sums.Push(pushes, q);
+    words += kBitsetTiles * tile_words;
   }
-  StoreFeature(positive, grad);
-  StoreFeature(negative, grad + half);
+  StoreFeature(sums.positive, grad);
+  StoreFeature(sums.negative, grad + half);
 }
 
 PEPESEG_HD FeatureLanes PsiOf(const PairJob& job, int scale) {
@@ -284,37 +296,27 @@ void GatePixels(const PairJob& job, int first, int end) {
 // Columns are the outer loop, so that a group of pixels q stays in the cache for all p of the
 // block.
 void ChoosePairs(const PairJob& job, const PairPanel& panel, PairBlock& block) {
-  const int num_row_tiles = (panel.end_row - panel.first_row) / kPairTile;
-  const int num_column_tiles = (panel.end_column - panel.first_column) / kPairTile;
+  const PairPanel swapped = panel.Swapped();
   const int first_column = panel.diagonal() ? block.first : panel.first_column;
   for (int q = first_column; q < panel.end_column; q += kPairTile) {
-    const int column = (q - panel.first_column) / kPairTile;
     for (int p = block.first; p < block.first + kPairRows && p <= q; p += kPairTile) {
-      TileBits bits, mirrored;
-      ChooseTile(job, p, q, block, bits);
-      Transpose(bits, 2 * job.num_scales, mirrored);
-      if (p == q) {
-        for (int i = 0; i < kPairTile; ++i) {
-          for (int k = 0; k < 2 * job.num_scales; ++k) bits.at[i][k] |= mirrored.at[i][k];
-        }
-      } else {
-        StoreBits(job, mirrored, panel.mirrored, q - panel.first_column,
-                  (p - panel.first_row) / kPairTile, num_row_tiles);
+      uint16_t* words = panel.bits + panel.WordOf(job, p, q);
+      ChooseTile(job, p, q, block, words);
+      if (p != q) {
+        Transpose(job, words, swapped.bits + swapped.WordOf(job, q, p));
+        continue;
       }
-      StoreBits(job, bits, panel.bits, p - panel.first_row, column, num_column_tiles);
+      uint16_t mirrored[2 * kMaxScales * kPairTile];
+      Transpose(job, words, mirrored);
+      for (int i = 0; i < job.tile_words(); ++i) words[i] |= mirrored[i];
     }
   }
 }
 
 // Scales are the outer loop, so that the unit vectors of one scale stay in the cache.
 void GatherPairs(const PairJob& job, const PairPanel& panel, int first, int end) {
-  const int64_t row_words =
-      int64_t{panel.end_column - panel.first_column} / kPairTile * 2 * job.num_scales;
   for (int scale = 0; scale < job.num_scales; ++scale) {
-    for (int p = first; p < end; ++p) {
-      GatherPixel(job, scale, p, panel.first_column, Min(panel.end_column, job.num_pixels),
-                  panel.bits + (p - panel.first_row) * row_words + scale);
-    }
+    for (int p = first; p < end; ++p) GatherPixel(job, panel, scale, p);
   }
 }
 
