@@ -8,6 +8,7 @@
 #include <system_error>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/annotation_files.h"
@@ -102,13 +103,26 @@ struct GaussianFormat {
   v1::GaussianFormat format;
   const char* what;  // it has
 };
-constexpr GaussianFormat kGaussianFormats[] = {{"ply", v1::GAUSSIAN_FORMAT_PLY, "the Gaussians"}};
+constexpr GaussianFormat kGaussianFormats[] = {
+    {"ply", v1::GAUSSIAN_FORMAT_PLY, "the Gaussians"},
+    {"spz", v1::GAUSSIAN_FORMAT_SPZ, "the Gaussians, compressed to about a tenth"},
+    {"glb", v1::GAUSSIAN_FORMAT_GLB, "the Gaussians as glTF"}};
+
+// Returns the format that the end of a file's name says, or "ply".
+std::string FormatOfName(const std::string& file) {
+  std::string end = std::filesystem::path(file).extension().string();
+  absl::AsciiStrToLower(&end);
+  for (const GaussianFormat& format : kGaussianFormats) {
+    if (end == absl::StrCat(".", format.word)) return format.word;
+  }
+  return "ply";
+}
 
 struct ExportFlags {
   std::string scene;
   std::string file;  // to write; a folder for some formats
   std::string model = "live";
-  std::string format = "ply";
+  std::string format;  // empty: that of the file's name
   std::string origin = "local";
   SubsetFlags subset;
   LabelQuery labels;  // its views and sam_borders
@@ -153,9 +167,9 @@ absl::StatusOr<std::string> WriteOrigin(const v1::ExportGaussiansResponse::Heade
 // Writes the Gaussians, or the masks of the labels, and prints what it wrote.
 absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   ASSIGN_OR_RETURN(const v1::Subset subset, ParseSubset(flags.subset, flags.scene));
+  const std::string word = flags.format.empty() ? FormatOfName(flags.file) : flags.format;
   const auto* const found = std::ranges::find_if(
-      kGaussianFormats,
-      [&flags](const GaussianFormat& format) { return flags.format == format.word; });
+      kGaussianFormats, [&word](const GaussianFormat& format) { return word == format.word; });
   if (found == std::ranges::end(kGaussianFormats)) {
     if (subset.of_case() == v1::Subset::OF_NOT_SET) return RunLabelExport(shell, flags);
     return absl::InvalidArgumentError(
@@ -270,13 +284,14 @@ void AddExport(CLI::App& app, Shell& shell) {
   verb->add_option("--format", flags->format,
                    contents +
                        "coco, yolo, labelme or masks (PNG): the masks of the scene's labels "
-                       "in its views")
-      ->check(CLI::IsMember(formats))
-      ->capture_default_str();
+                       "in its views. By default what FILE ends in, .spz or .glb, else ply")
+      ->check(CLI::IsMember(formats));
   verb->add_option(
           "--origin", flags->origin,
           "Positions of a scene with map coordinates. local: floats relative to an origin, "
-          "which is in FILE.origin.json and in a comment of the PLY; world: doubles")
+          "which is in FILE.origin.json and in a comment of the PLY; world: doubles in a PLY, a "
+          "moved "
+          "node in a GLB, as local in an SPZ")
       ->check(CLI::IsMember({"local", "world"}))
       ->capture_default_str();
   AddNamesFlag(*verb, "--views", flags->labels.views,

@@ -185,7 +185,7 @@ std::string EncodeGaussianPly(const Gaussians& gaussians, const Eigen::Vector3d&
 
 GaussianPlyBlocks::GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
                                      const Eigen::Vector3d& origin, PlyCoordinates coordinates)
-    : GaussianBlocks(gaussians, std::move(indices)),
+    : GaussianRowBlocks(gaussians, std::move(indices)),
       added_(coordinates == PlyCoordinates::kWorld ? origin : Eigen::Vector3d(0, 0, 0)) {
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
   SetLayout(HeaderOf(fields, num_gaussians(), added_, origin - added_),

@@ -33,7 +33,7 @@ std::string EncodeGaussianPly(const Gaussians& gaussians,
                               const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
 // A subset of Gaussians as such a file.
-class GaussianPlyBlocks final : public GaussianBlocks {
+class GaussianPlyBlocks final : public GaussianRowBlocks {
  public:
   // See GaussianBlocks.
   GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,

@@ -6,7 +6,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/formats/gaussian_glb.h"
 #include "core/formats/gaussian_ply.h"
+#include "core/formats/gaussian_spz.h"
 #include "core/model_files/model_file.h"
 #include "server/api/error.h"
 #include "server/worker_protocol/job_folder.h"
@@ -21,17 +23,38 @@ constexpr int64_t kMessageBytes = 2 * kChunkBytes;
 // Blocks that a task digests, so that a large subset does not monopolise a thread of the pool.
 constexpr int64_t kBlocksPerTask = 16;
 
+// Returns whether the file is a PLY, which is the format of the stored one.
+bool IsPly(const v1::ExportGaussiansRequest& request) {
+  return request.format() == v1::GAUSSIAN_FORMAT_UNSPECIFIED ||
+         request.format() == v1::GAUSSIAN_FORMAT_PLY;
+}
+
 // Returns whether the call is one of those that compute. Others mostly read the stored file.
-bool Computes(const v1::ExportGaussiansRequest& request) { return request.has_subset(); }
+bool Computes(const v1::ExportGaussiansRequest& request) {
+  return request.has_subset() || !IsPly(request);
+}
 
 // Returns whether positions are relative to the model's origin.
 bool IsLocal(const v1::ExportGaussiansRequest& request) {
   return request.coordinates() == v1::COORDINATES_LOCAL;
 }
 
+// Returns whether the file leaves the origin of the model to its reader.
+bool LeavesOrigin(const v1::ExportGaussiansRequest& request) {
+  return IsLocal(request) || request.format() == v1::GAUSSIAN_FORMAT_SPZ;
+}
+
 // Returns the file of these Gaussians in the format of the request. The model must outlive it.
 std::unique_ptr<const GaussianBlocks> BlocksOf(const Model& model, std::vector<uint32_t> indices,
                                                const v1::ExportGaussiansRequest& request) {
+  if (request.format() == v1::GAUSSIAN_FORMAT_SPZ) {
+    return std::make_unique<GaussianSpzBlocks>(model.gaussians, std::move(indices));
+  }
+  if (request.format() == v1::GAUSSIAN_FORMAT_GLB) {
+    return std::make_unique<GaussianGlbBlocks>(
+        model.gaussians, std::move(indices),
+        IsLocal(request) ? Eigen::Vector3d(0, 0, 0) : model.origin);
+  }
   return std::make_unique<GaussianPlyBlocks>(
       model.gaussians, std::move(indices), model.origin,
       IsLocal(request) ? PlyCoordinates::kLocal : PlyCoordinates::kWorld);
@@ -68,20 +91,26 @@ absl::Status ExportGaussiansStream::TakeMemory(const SceneRef& scene, int64_t by
 }
 
 absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
-  if (!request_.has_subset()) return false;
+  if (!Computes(request_)) return false;
   ASSIGN_OR_RETURN(ResidentModel model,
                    deps_.models.Load(caller_.scenes, request_.model(), "model"));
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> subset,
                    deps_.selections.FindSubset(caller_.scenes, model, request_.subset(), "subset"));
-  if (!subset) return false;
-  RETURN_IF_ERROR(EncodeSubset(std::move(model), &*subset));
+  if (!subset && IsPly(request_)) return false;
+  RETURN_IF_ERROR(EncodeSubset(std::move(model), subset ? &*subset : nullptr));
   return true;
 }
 
 absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const GaussianSet* subset) {
   const Model& of = model->model();
   const int64_t count = subset == nullptr ? of.gaussians.count : subset->count();
-  RETURN_IF_ERROR(TakeMemory(model.id.scene, count * static_cast<int64_t>(sizeof(uint32_t))));
+  if (request_.format() == v1::GAUSSIAN_FORMAT_GLB && count > kMaxGlbGaussians) {
+    return BadField("format", "GLB",
+                    absl::StrCat("has ", count, " Gaussians, at most ", kMaxGlbGaussians, " fit"));
+  }
+  // The indices and, while an SPZ measures the scene, a float of each Gaussian.
+  RETURN_IF_ERROR(
+      TakeMemory(model.id.scene, count * static_cast<int64_t>(sizeof(uint32_t) + sizeof(float))));
   std::vector<uint32_t> indices;
   // The size is exact, so the vector takes what was reserved in the budget.
   indices.reserve(static_cast<size_t>(count));
@@ -89,14 +118,13 @@ absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const Gaus
     if (subset == nullptr || subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
   }
   subset_ = BlocksOf(of, std::move(indices), request_);
-  if (IsLocal(request_) && !of.origin.isZero(0)) {
+  if (LeavesOrigin(request_) && !of.origin.isZero(0)) {
     v1::Vector3& origin = *message_.mutable_header()->mutable_origin();
     origin.set_x(of.origin.x());
     origin.set_y(of.origin.y());
     origin.set_z(of.origin.z());
   }
   model_ = std::move(model);
-  num_bytes_left_ = subset_->num_bytes();
   return absl::OkStatus();
 }
 
@@ -104,7 +132,11 @@ Stream::Step ExportGaussiansStream::DigestSome() {
   const int64_t end = std::min(num_digested_ + kBlocksPerTask, subset_->num_blocks());
   // The header has the digest of bytes that come after it, so all blocks are encoded before the
   // first is sent, and again to be sent. Storing them would take as much memory as the file.
-  for (; num_digested_ < end; ++num_digested_) digest_.Add(subset_->Encode(num_digested_));
+  for (; num_digested_ < end; ++num_digested_) {
+    const std::string block = subset_->Encode(num_digested_);
+    digest_.Add(block);
+    num_bytes_left_ += static_cast<int64_t>(block.size());
+  }
   if (end < subset_->num_blocks()) {
     Wake();  // again, after what waits for the pool
     return {Next::kIdle, absl::OkStatus()};
@@ -112,7 +144,7 @@ Stream::Step ExportGaussiansStream::DigestSome() {
   v1::ExportGaussiansResponse::Header& header = *message_.mutable_header();
   header.set_model(model_->name);
   header.set_num_gaussians(subset_->num_gaussians());
-  header.set_num_bytes(subset_->num_bytes());
+  header.set_num_bytes(num_bytes_left_);
   header.set_sha256(digest_.Hex());
   return {Next::kIo, absl::OkStatus()};
 }

@@ -22,8 +22,8 @@
 namespace pepeseg {
 
 // An ExportGaussians call. The PLY file of a whole model is sent from the disk in chunks; the
-// stream ends with DATA_LOSS if its digest is not that of the manifest. Any other file, of a subset
-// or in other coordinates than the stored ones, is encoded twice, block by block: once for the size
+// stream ends with DATA_LOSS if its digest is not that of the manifest. Any other file, of a subset,
+// in another format or in other coordinates than the stored ones, is encoded twice, block by block: once for the size
 // and the digest in the header, once to be sent. That holds the indices of the subset and one block
 // in memory, which are reserved in the models' memory budget. A reader that does not take a message
 // for StreamLimits::stuck_export loses the stream.

@@ -258,7 +258,7 @@ def _add_verbs(parser: argparse.ArgumentParser) -> None:
         default="local",
         help="map coordinates as floats relative to FILE.origin.json, or as doubles of the world",
     )
-    verb.add_argument("--format", choices=tuple(subsets.FORMATS), default="ply")
+    verb.add_argument("--format", choices=tuple(subsets.FORMATS))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -107,7 +107,11 @@ _CONTENTS = {
     "features": render_service_pb2.RenderViewRequest.CONTENT_FEATURES,
 }
 # The formats and origins of an export.
-FORMATS = {"ply": render_service_pb2.GAUSSIAN_FORMAT_PLY}
+FORMATS = {
+    "ply": render_service_pb2.GAUSSIAN_FORMAT_PLY,
+    "spz": render_service_pb2.GAUSSIAN_FORMAT_SPZ,
+    "glb": render_service_pb2.GAUSSIAN_FORMAT_GLB,
+}
 ORIGINS = {
     "local": render_service_pb2.COORDINATES_LOCAL,
     "world": render_service_pb2.COORDINATES_WORLD,
@@ -278,7 +282,7 @@ def export(
     *,
     without: bool = False,
     origin: str = "local",
-    format: str = "ply",
+    format: str | None = None,
 ) -> Steps[Export]:
     """Fetches the model, or a subset of it, as a file for splat viewers.
 
@@ -290,8 +294,10 @@ def export(
         without: export all other Gaussians in its place: what is left without the thing.
         origin: positions of a scene with map coordinates. "local": floats relative to an origin,
             which is in PATH.origin.json, in a comment of the PLY and in the result. "world": doubles,
-            which many viewers read wrongly or not at all.
-        format: "ply".
+            which many viewers read wrongly or not at all; a GLB has them as its node's translation,
+            an SPZ is always local.
+        format: "ply", "spz" or "glb"; None: what the path ends in, else "ply". The axes of the latter
+            two are those of glTF: x, -y, -z of the world.
 
     Raises:
         NotFoundError: no such selection.
@@ -302,6 +308,9 @@ def export(
     """
     if origin not in ORIGINS:
         raise refused(f'origin "{origin}": one of {", ".join(ORIGINS)} is wanted')
+    if format is None:
+        format = Path(path).suffix[1:].lower()
+        format = format if format in FORMATS else "ply"
     if format not in FORMATS:
         raise refused(f'format "{format}": one of {", ".join(FORMATS)} is wanted')
     request = render_service_pb2.ExportGaussiansRequest(

@@ -14,7 +14,9 @@ COORDINATES_LOCAL: Coordinates
 COORDINATES_UNSPECIFIED: Coordinates
 COORDINATES_WORLD: Coordinates
 DESCRIPTOR: _descriptor.FileDescriptor
+GAUSSIAN_FORMAT_GLB: GaussianFormat
 GAUSSIAN_FORMAT_PLY: GaussianFormat
+GAUSSIAN_FORMAT_SPZ: GaussianFormat
 GAUSSIAN_FORMAT_UNSPECIFIED: GaussianFormat
 
 class ExportGaussiansRequest(_message.Message):

@@ -1,0 +1,206 @@
+#include "core/formats/gaussian_glb.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/formats/y_up.h"
+#include "kernels/math/blend.h"
+#include "nlohmann/json.hpp"
+
+namespace pepeseg {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr char kExtension[] = "KHR_gaussian_splatting";
+// Numbers of glTF 2.0.
+constexpr int kFloat = 5126, kUnsignedByte = 5121, kArrayBuffer = 34962, kPoints = 0;
+constexpr size_t kPartHeaderBytes = 8;  // of a chunk: its length and type
+constexpr size_t kFileHeaderBytes = 12;
+constexpr float kShBase = 0.28209479f;  // the basis function of degree 0
+
+// The attributes of a row, in their order.
+struct Attribute {
+  std::string name;
+  const char* type;
+  int num_values;
+  bool is_bytes = false;  // else floats
+
+  int num_bytes() const { return is_bytes ? num_values : num_values * 4; }
+};
+
+// At most 240 bytes: glTF allows 252.
+std::vector<Attribute> AttributesOf(int sh_degree) {
+  const std::string prefix = absl::StrCat(kExtension, ":");
+  std::vector<Attribute> attributes = {{"POSITION", "VEC3", 3},
+                                       {prefix + "ROTATION", "VEC4", 4},
+                                       {prefix + "SCALE", "VEC3", 3},
+                                       {prefix + "OPACITY", "SCALAR", 1},
+                                       {"COLOR_0", "VEC4", 4, /*is_bytes=*/true}};
+  for (int degree = 0; degree <= sh_degree; ++degree) {
+    for (int i = 0; i < 2 * degree + 1; ++i) {
+      attributes.push_back({absl::StrCat(prefix, "SH_DEGREE_", degree, "_COEF_", i), "VEC3", 3});
+    }
+  }
+  return attributes;
+}
+
+int64_t RowBytesOf(const std::vector<Attribute>& attributes) {
+  int64_t bytes = 0;
+  for (const Attribute& attribute : attributes) bytes += attribute.num_bytes();
+  return bytes;
+}
+
+struct Box {
+  std::array<float, 3> min, max;
+};
+
+// The description of a file with `count` rows, at least one.
+Json SceneOf(const std::vector<Attribute>& attributes, int64_t count, const Box& box,
+             const Eigen::Vector3d& translation) {
+  const int64_t row_bytes = RowBytesOf(attributes);
+  Json names, accessors = Json::array();
+  int offset = 0;
+  for (const Attribute& attribute : attributes) {
+    names[attribute.name] = accessors.size();
+    Json accessor = {{"bufferView", 0},
+                     {"byteOffset", offset},
+                     {"componentType", attribute.is_bytes ? kUnsignedByte : kFloat},
+                     {"count", count},
+                     {"type", attribute.type}};
+    if (attribute.is_bytes) accessor["normalized"] = true;
+    if (offset == 0) {  // the positions, of which glTF wants the bounds
+      accessor["min"] = box.min;
+      accessor["max"] = box.max;
+    }
+    accessors.push_back(std::move(accessor));
+    offset += attribute.num_bytes();
+  }
+  Json node = {{"name", "gaussians"}, {"mesh", 0}};
+  if (!translation.isZero(0)) {
+    node["translation"] = {kYUpMean[0] * translation.x(), kYUpMean[1] * translation.y(),
+                           kYUpMean[2] * translation.z()};
+  }
+  const Json splats = {{"kernel", "ellipse"},
+                       {"colorSpace", "srgb_rec709_display"},
+                       {"sortingMethod", "cameraDistance"},
+                       {"projection", "perspective"}};
+  return {{"asset", {{"version", "2.0"}, {"generator", "pepeseg"}}},
+          {"extensionsUsed", {kExtension}},
+          {"scene", 0},
+          {"scenes", {{{"nodes", {0}}}}},
+          {"nodes", {std::move(node)}},
+          {"meshes",
+           {{{"primitives",
+              {{{"attributes", std::move(names)},
+                {"mode", kPoints},
+                {"extensions", {{kExtension, splats}}}}}}}}},
+          {"accessors", std::move(accessors)},
+          {"bufferViews",
+           {{{"buffer", 0},
+             {"byteLength", count * row_bytes},
+             {"byteStride", row_bytes},
+             {"target", kArrayBuffer}}}},
+          {"buffers", {{{"byteLength", count * row_bytes}}}}};
+}
+
+// Little-endian, as all numbers of the file.
+void Append(uint64_t number, std::string& bytes) {
+  for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<char>(number >> (8 * i)));
+}
+
+// Returns everything in front of `num_bytes` of rows. Parts of a GLB begin at multiples of 4, and
+// JSON is padded with spaces.
+std::string HeaderOf(std::string json, size_t num_bytes) {
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  const size_t rows = num_bytes == 0 ? 0 : kPartHeaderBytes + num_bytes;
+  std::string header = "glTF";
+  Append(2, header);  // version
+  Append(kFileHeaderBytes + kPartHeaderBytes + json.size() + rows, header);
+  Append(json.size(), header);
+  header += "JSON" + json;
+  if (num_bytes == 0) return header;
+  Append(num_bytes, header);
+  return header + std::string("BIN\0", 4);
+}
+
+// Returns the byte of a value in [0, 1].
+uint8_t ByteOf(float value) {
+  return static_cast<uint8_t>(std::lround(255 * std::clamp(value, 0.0f, 1.0f)));
+}
+
+// Inverts the transfer function of sRGB (IEC 61966-2-1).
+float LinearOf(float srgb) {
+  srgb = std::clamp(srgb, 0.0f, 1.0f);
+  return srgb <= 0.04045f ? srgb / 12.92f : std::pow((srgb + 0.055f) / 1.055f, 2.4f);
+}
+
+// Writes the values of a row one after the other.
+struct RowWriter {
+  char* to;
+
+  void Float(float value) {
+    std::memcpy(to, &value, sizeof(value));
+    to += sizeof(value);
+  }
+  void Byte(uint8_t value) { *to++ = static_cast<char>(value); }
+};
+
+}  // namespace
+
+GaussianGlbBlocks::GaussianGlbBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
+                                     const Eigen::Vector3d& translation)
+    : GaussianRowBlocks(gaussians, std::move(indices)) {
+  const std::vector<Attribute> attributes = AttributesOf(gaussians.sh_degree);
+  const int64_t row_bytes = RowBytesOf(attributes);
+  if (num_gaussians() == 0) {  // glTF has no empty arrays
+    SetLayout(HeaderOf(Json{{"asset", {{"version", "2.0"}, {"generator", "pepeseg"}}}}.dump(), 0),
+              row_bytes);
+    return;
+  }
+  Box box;
+  for (int axis = 0; axis < 3; ++axis) {
+    box.min[axis] = std::numeric_limits<float>::infinity();
+    box.max[axis] = -box.min[axis];
+    for (int64_t row = 0; row < num_gaussians(); ++row) {
+      const float value = kYUpMean[axis] * ValueOf(kMeanPlane + axis, row);
+      box.min[axis] = std::min(box.min[axis], value);
+      box.max[axis] = std::max(box.max[axis], value);
+    }
+  }
+  SetLayout(HeaderOf(SceneOf(attributes, num_gaussians(), box, translation).dump(),
+                     static_cast<size_t>(num_gaussians() * row_bytes)),
+            row_bytes);
+}
+
+std::string GaussianGlbBlocks::EncodeRows(int64_t first, int64_t count) const {
+  const int64_t row_bytes = RowBytesOf(AttributesOf(gaussians_.sh_degree));
+  std::string rows(static_cast<size_t>(count * row_bytes), '\0');
+  RowWriter out = {rows.data()};
+  for (int64_t row = first; row < first + count; ++row) {
+    for (int k = 0; k < 3; ++k) out.Float(kYUpMean[k] * ValueOf(kMeanPlane + k, row));
+    std::array<float, 4> rotation;  // w, x, y, z
+    for (int k = 0; k < 4; ++k) rotation[k] = kYUpRotation[k] * ValueOf(kRotationPlane + k, row);
+    const float length =
+        std::hypot(std::hypot(rotation[0], rotation[1]), std::hypot(rotation[2], rotation[3]));
+    for (const int k : {1, 2, 3, 0}) out.Float(rotation[k] / length);
+    for (int k = 0; k < 3; ++k) out.Float(std::exp(ValueOf(kLogScalePlane + k, row)));
+    const float opacity = Sigmoid(ValueOf(kOpacityPlane, row));
+    out.Float(opacity);
+    for (int k = 0; k < 3; ++k) {
+      out.Byte(ByteOf(LinearOf(0.5f + kShBase * ValueOf(kShPlane + k, row))));
+    }
+    out.Byte(ByteOf(opacity));
+    for (int k = 0; k < NumShCoefficients(gaussians_.sh_degree); ++k) {
+      for (int c = 0; c < 3; ++c) out.Float(kYUpSh[k] * ValueOf(kShPlane + 3 * k + c, row));
+    }
+  }
+  return rows;
+}
+
+}  // namespace pepeseg
