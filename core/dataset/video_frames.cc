@@ -15,8 +15,8 @@
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
 #include "core/dataset/video_track.h"
+#include "core/formats/images.h"
 #include "opencv2/core.hpp"
-#include "opencv2/imgcodecs.hpp"
 #include "opencv2/imgproc.hpp"
 #include "opencv2/videoio.hpp"
 
@@ -229,14 +229,14 @@ class FrameWriter {
     const int side = std::max(picture.cols, picture.rows);
     const double scale = static_cast<double>(kMaxFrameSide) / side;
     if (scale < 1) cv::resize(picture, shrunk, cv::Size(), scale, scale, cv::INTER_AREA);
-    std::vector<uint8_t> bytes;
-    if (!cv::imencode(".jpg", shrunk, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality})) {
-      return absl::InternalError(absl::StrCat(task_.name, ": cannot encode frame ", index));
-    }
+    Image image{shrunk.cols, shrunk.rows, 3, {}};
+    image.pixels.resize(3 * shrunk.total());
+    cv::Mat rgb(shrunk.size(), CV_8UC3, image.pixels.data());
+    cv::cvtColor(shrunk, rgb, cv::COLOR_BGR2RGB);
+    ASSIGN_OR_RETURN(const std::string jpeg, EncodeJpeg(image, kJpegQuality));
     const std::filesystem::path path =
         task_.folder / absl::StrFormat("%s_%06d.jpg", task_.prefix, index);
-    RETURN_IF_ERROR(WriteFileAtomically(
-        path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size())));
+    RETURN_IF_ERROR(WriteFileAtomically(path, jpeg));
     frames_.push_back({index, path});
     return absl::OkStatus();
   }

@@ -1,5 +1,9 @@
+#include <webp/decode.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <optional>
 #include <string>
 #include <unordered_set>
@@ -11,41 +15,119 @@
 #include "core/base/status_macros.h"
 #include "core/formats/image_header.h"
 #include "core/formats/images.h"
-#include "opencv2/imgcodecs.hpp"
+#include "core/formats/jpeg_file.h"
+#include "core/formats/png_file.h"
 #include "opencv2/imgproc.hpp"
 
 namespace pepeseg {
 namespace {
 
-// A decoded image in OpenCV's order of channels: grey, BGR or BGRA.
-struct Decoded {
-  ImageHeader header;
-  cv::Mat pixels;
-};
+// Returns the i-th sample of a PNG's pixels.
+template <class T>
+T SampleAt(const std::vector<uint8_t>& bytes, size_t i) {
+  T sample;
+  std::memcpy(&sample, bytes.data() + i * sizeof(T), sizeof(T));
+  return sample;
+}
 
-// Decodes with `flags` of cv::ImreadModes. Reads the header first, so that nothing is allocated for
-// an image over the limit, and compares the decoded size with it.
-absl::StatusOr<Decoded> Decode(std::span<const uint8_t> bytes, absl::string_view name, int flags) {
-  Decoded decoded;
-  ASSIGN_OR_RETURN(decoded.header, ReadImageHeader(name, bytes));
-  if (decoded.header.format == ImageFormat::kHeic) {
+// Reads the header, so that nothing is allocated for an image over the limit.
+absl::StatusOr<ImageHeader> ReadHeaderOf(std::span<const uint8_t> bytes, absl::string_view name) {
+  ASSIGN_OR_RETURN(const ImageHeader header, ReadImageHeader(name, bytes));
+  if (header.format == ImageFormat::kHeic) {
     return Refused(name, "HEIC is not read here: save it as a JPEG or PNG");
   }
-  try {
-    // cv::Mat has no view of const memory; imdecode() only reads it.
-    const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1,
-                          const_cast<uint8_t*>(bytes.data()));
-    decoded.pixels = cv::imdecode(encoded, flags);
-  } catch (const cv::Exception& error) {
-    return Refused(name, absl::StrCat("does not decode: ", error.what()));
+  return header;
+}
+
+// Returns the stored pixels of a PNG. `otherwise`: why other formats are refused.
+absl::StatusOr<PngPixels> DecodeStored(std::span<const uint8_t> bytes, absl::string_view name,
+                                       absl::string_view otherwise, ImageHeader& header) {
+  ASSIGN_OR_RETURN(header, ReadHeaderOf(bytes, name));
+  if (header.format != ImageFormat::kPng) return Refused(name, otherwise);
+  return DecodePng(bytes, header, name, PngForm::kStored);
+}
+
+Image Blank(int width, int height, int channels) {
+  Image image{width, height, channels, {}};
+  image.pixels.resize(static_cast<size_t>(width) * height * channels);
+  return image;
+}
+
+// Writes the RGB values of a scanline of libjpeg to `rgb`. Returns the end of what it has written.
+uint8_t* PutRgb(std::span<const uint8_t> scanline, int channels, uint8_t* rgb) {
+  if (channels == 3) return std::copy(scanline.begin(), scanline.end(), rgb);
+  for (size_t i = 0; channels == 1 && i < scanline.size(); ++i) {
+    rgb = std::fill_n(rgb, 3, scanline[i]);
   }
-  if (decoded.pixels.empty()) return Refused(name, "does not decode");
-  if (decoded.pixels.cols != decoded.header.width || decoded.pixels.rows != decoded.header.height) {
-    return Refused(
-        name, absl::StrCat("its header says ", decoded.header.width, "x", decoded.header.height,
-                           ", it decodes to ", decoded.pixels.cols, "x", decoded.pixels.rows));
+  for (size_t i = 0; channels == 4 && i < scanline.size(); i += 4) {
+    const int black = scanline[i + 3];
+    for (size_t c = 0; c < 3; ++c) {
+      *rgb++ = static_cast<uint8_t>(black - ((255 - scanline[i + c]) * black >> 8));
+    }
   }
-  return decoded;
+  return rgb;
+}
+
+absl::StatusOr<Image> DecodeJpegPhoto(std::span<const uint8_t> bytes, const ImageHeader& header,
+                                      absl::string_view name) {
+  Image image;
+  uint8_t* end = nullptr;
+  const auto take = [&](std::span<const uint8_t> scanline, int channels) {
+    if (end == nullptr) {
+      image = Blank(header.width, header.height, 3);
+      end = image.pixels.data();
+    }
+    end = PutRgb(scanline, channels, end);
+  };
+  RETURN_IF_ERROR(DecodeJpeg(bytes, header, name, JpegDecoding::kAccurate, take));
+  return image;
+}
+
+// Returns 3 or 4 channels.
+absl::StatusOr<Image> DecodeWebp(std::span<const uint8_t> bytes, const ImageHeader& header,
+                                 absl::string_view name) {
+  // An extended file says here which features it has; the bitstreams in it are read when decoding.
+  constexpr size_t kFront = 32;
+  WebPBitstreamFeatures features{};
+  if (WebPGetFeatures(bytes.data(), std::min(bytes.size(), kFront), &features) != VP8_STATUS_OK) {
+    return Refused(name, "does not decode");
+  }
+  if (features.has_animation != 0) return Refused(name, "does not decode: it is an animation");
+  if (features.width != header.width || features.height != header.height) {
+    return Refused(name, absl::StrCat("its header says ", header.width, "x", header.height,
+                                      ", it decodes to ", features.width, "x", features.height));
+  }
+  Image image = Blank(header.width, header.height, features.has_alpha != 0 ? 4 : 3);
+  const auto decode = image.channels == 4 ? WebPDecodeRGBAInto : WebPDecodeRGBInto;
+  if (decode(bytes.data(), bytes.size(), image.pixels.data(), image.pixels.size(),
+             image.width * image.channels) == nullptr) {
+    return Refused(name, "does not decode");
+  }
+  return image;
+}
+
+// Returns 3 or 4 channels. Alpha has 8 or 16 bits with its colours; the latter are rounded.
+absl::StatusOr<Image> DecodePngPhoto(std::span<const uint8_t> bytes, const ImageHeader& header,
+                                     absl::string_view name) {
+  ASSIGN_OR_RETURN(PngPixels png, DecodePng(bytes, header, name, PngForm::kPhotograph));
+  Image image{header.width, header.height, png.channels, {}};
+  if (png.bit_depth == 8) {
+    image.pixels = std::move(png.bytes);
+    return image;
+  }
+  image.pixels.resize(png.bytes.size() / 2);
+  for (size_t i = 0; i < image.pixels.size(); ++i) {
+    image.pixels[i] = static_cast<uint8_t>((SampleAt<uint16_t>(png.bytes, i) + 128) / 257);
+  }
+  return image;
+}
+
+// Returns 3 or 4 channels.
+absl::StatusOr<Image> DecodeColours(std::span<const uint8_t> bytes, absl::string_view name) {
+  ASSIGN_OR_RETURN(const ImageHeader header, ReadHeaderOf(bytes, name));
+  if (header.format == ImageFormat::kJpeg) return DecodeJpegPhoto(bytes, header, name);
+  if (header.format == ImageFormat::kPng) return DecodePngPhoto(bytes, header, name);
+  return DecodeWebp(bytes, header, name);
 }
 
 // Returns true for a PNG of this kind, by its header.
@@ -84,50 +166,47 @@ std::optional<uint32_t> LastOfPalette(absl::string_view png) {
   return std::nullopt;
 }
 
-// Returns a grey value, or a colour as 24 bits.
+// Returns a grey value, or a colour as 24 bits. `pixel`: grey, RGB or RGBA.
 template <class T>
-uint32_t LabelOf(const T* channels, int num_channels) {
-  if (num_channels < 3) return channels[0];
+uint32_t LabelOf(const T* pixel, size_t num_channels) {
+  if (num_channels < 3) return pixel[0];
   // Of 16-bit colours only the upper bytes count: PNG palettes, which label files use, have 8 bits.
   constexpr int kDrop = sizeof(T) * 8 - 8;
-  return static_cast<uint32_t>(channels[0] >> kDrop) |
-         static_cast<uint32_t>(channels[1] >> kDrop) << 8 |
-         static_cast<uint32_t>(channels[2] >> kDrop) << 16;
+  return static_cast<uint32_t>(pixel[2] >> kDrop) | static_cast<uint32_t>(pixel[1] >> kDrop) << 8 |
+         static_cast<uint32_t>(pixel[0] >> kDrop) << 16;
 }
 
+// Sets the label of each pixel, and whether its alpha is one half or more (1) or not (0), if it has
+// alpha. `is_grey`: colours are grey values with alpha, of which all bits count.
 template <class T>
-void AppendLabels(const cv::Mat& pixels, std::vector<uint32_t>& labels) {
-  for (int y = 0; y < pixels.rows; ++y) {
-    const T* row = pixels.ptr<T>(y);
-    for (int x = 0; x < pixels.cols; ++x) {
-      labels.push_back(
-          LabelOf(row + static_cast<ptrdiff_t>(x) * pixels.channels(), pixels.channels()));
-    }
+void ReadLabels(const PngPixels& png, bool is_grey, std::vector<uint32_t>& labels,
+                std::vector<uint8_t>& opaque) {
+  constexpr uint32_t kHalf = uint32_t{1} << (sizeof(T) * 8 - 1);
+  const auto channels = static_cast<size_t>(png.channels);
+  const size_t num_pixels = png.bytes.size() / sizeof(T) / channels;
+  labels.reserve(num_pixels);
+  if (channels == 4) opaque.reserve(num_pixels);
+  for (size_t i = 0; i < num_pixels; ++i) {
+    std::array<T, 4> pixel{};
+    std::memcpy(pixel.data(), png.bytes.data() + i * channels * sizeof(T), channels * sizeof(T));
+    labels.push_back(LabelOf(pixel.data(), is_grey ? 1 : channels));
+    if (channels == 4) opaque.push_back(pixel[3] >= kHalf ? 1 : 0);
   }
 }
 
-// Returns 1 for each pixel of a BGRA image whose alpha is below one half, else 0.
-std::vector<uint8_t> TransparentPixels(const cv::Mat& pixels) {
-  constexpr int kHalf = 128, kAlpha = 3;
-  std::vector<uint8_t> transparent;
-  transparent.reserve(pixels.total());
-  for (int y = 0; y < pixels.rows; ++y) {
-    const auto* row = pixels.ptr<cv::Vec4b>(y);
-    for (int x = 0; x < pixels.cols; ++x) transparent.push_back(row[x][kAlpha] < kHalf ? 1 : 0);
+// Removes the alpha of an RGBA image. Sets `transparent`, if it is not null, to 1 for each pixel
+// whose alpha is below one half, else 0.
+void TakeAlpha(Image& image, std::vector<uint8_t>* transparent) {
+  constexpr size_t kRgba = 4;
+  constexpr int kHalf = 128;
+  const size_t num_pixels = image.pixels.size() / kRgba;
+  if (transparent != nullptr) transparent->resize(num_pixels);
+  for (size_t i = 0; i < num_pixels; ++i) {
+    if (transparent != nullptr) (*transparent)[i] = image.pixels[kRgba * i + 3] < kHalf ? 1 : 0;
+    std::copy_n(&image.pixels[kRgba * i], 3, &image.pixels[3 * i]);
   }
-  return transparent;
-}
-
-// Returns the alpha of each pixel as 1 where it is one half or more, else 0; empty: no alpha.
-std::vector<uint8_t> OpaquePixels(const cv::Mat& pixels) {
-  const int channels = pixels.channels();
-  if (channels != 2 && channels != 4) return {};
-  cv::Mat alpha;
-  cv::extractChannel(pixels, alpha, channels - 1);
-  const double half = alpha.depth() == CV_16U ? 0x8000 : 0x80;
-  cv::Mat opaque = alpha >= half;  // 255 or 0
-  opaque /= 255;
-  return {opaque.begin<uint8_t>(), opaque.end<uint8_t>()};
+  image.channels = 3;
+  image.pixels.resize(3 * num_pixels);
 }
 
 // Replaces the labels of a cut-out by its alpha: see DecodeLabels.
@@ -146,12 +225,6 @@ void TakeCutOut(const std::vector<uint8_t>& opaque, std::vector<uint32_t>& label
 // Returns a view of the image's pixels.
 cv::Mat PixelsOf(Image& image) {
   return {image.height, image.width, CV_8UC(image.channels), image.pixels.data()};
-}
-
-Image Blank(int width, int height, int channels) {
-  Image image{width, height, channels, {}};
-  image.pixels.resize(static_cast<size_t>(width) * height * channels);
-  return image;
 }
 
 // Exchanges rows and columns.
@@ -173,47 +246,25 @@ absl::StatusOr<Image> DecodePhoto(const std::filesystem::path& path, absl::strin
 
 absl::StatusOr<Image> DecodePhoto(std::span<const uint8_t> bytes, absl::string_view name,
                                   std::vector<uint8_t>* transparent) {
-  // IMREAD_UNCHANGED keeps alpha, and does not rotate by EXIF: the camera's parameters belong to
-  // the stored pixels.
-  ASSIGN_OR_RETURN(Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
-  if (decoded.pixels.type() == CV_16UC4) {  // only imdecode()'s 8 bits would lose the alpha
-    constexpr double kToUpperByte = 1.0 / 257;
-    decoded.pixels.convertTo(decoded.pixels, CV_8UC4, kToUpperByte);
-  }
-  const bool has_alpha = decoded.pixels.type() == CV_8UC4;
-  // Other types are decoded again, because only imdecode() converts them all to 8-bit BGR.
-  if (!has_alpha && decoded.pixels.type() != CV_8UC3) {  // grey, a palette, 16 bits
-    ASSIGN_OR_RETURN(decoded,
-                     Decode(bytes, name, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION));
-    if (decoded.pixels.type() != CV_8UC3) return Refused(name, "does not decode to 8-bit colour");
-  }
-  Image image{decoded.header.width, decoded.header.height, 3, {}};
-  image.pixels.resize(static_cast<size_t>(image.width) * image.height * 3);
-  cv::Mat rgb(image.height, image.width, CV_8UC3, image.pixels.data());
-  cv::cvtColor(decoded.pixels, rgb, has_alpha ? cv::COLOR_BGRA2RGB : cv::COLOR_BGR2RGB);
-  if (has_alpha && transparent != nullptr) *transparent = TransparentPixels(decoded.pixels);
+  // No format is rotated by EXIF: the camera's parameters belong to the stored pixels.
+  ASSIGN_OR_RETURN(Image image, DecodeColours(bytes, name));
+  if (image.channels == 4) TakeAlpha(image, transparent);
   return image;
 }
 
 absl::StatusOr<LabelImage> DecodeLabels(const std::filesystem::path& path, absl::string_view name) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, name, kMaxImageFileBytes));
   const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());
-  ASSIGN_OR_RETURN(Decoded decoded,
-                   Decode(std::span(data, bytes.size()), name, cv::IMREAD_UNCHANGED));
-  const std::vector<uint8_t> opaque = OpaquePixels(decoded.pixels);
-  // imdecode() makes colours of grey values with alpha, of which only the upper bytes would count.
-  if (IsGreyWithAlpha(bytes)) cv::extractChannel(decoded.pixels, decoded.pixels, 0);
-  if (decoded.header.format != ImageFormat::kPng) {
-    return Refused(name, "labels must be a PNG: other formats change them");
-  }
-  LabelImage image{decoded.header.width, decoded.header.height, {}};
-  image.labels.reserve(decoded.pixels.total());
-  if (decoded.pixels.depth() == CV_8U) {
-    AppendLabels<uint8_t>(decoded.pixels, image.labels);
-  } else if (decoded.pixels.depth() == CV_16U) {
-    AppendLabels<uint16_t>(decoded.pixels, image.labels);
+  ImageHeader header;
+  ASSIGN_OR_RETURN(const PngPixels png,
+                   DecodeStored(std::span(data, bytes.size()), name,
+                                "labels must be a PNG: other formats change them", header));
+  LabelImage image{header.width, header.height, {}};
+  std::vector<uint8_t> opaque;
+  if (png.bit_depth == 8) {
+    ReadLabels<uint8_t>(png, IsGreyWithAlpha(bytes), image.labels, opaque);
   } else {
-    return Refused(name, "labels must have 8 or 16 bits");
+    ReadLabels<uint16_t>(png, IsGreyWithAlpha(bytes), image.labels, opaque);
   }
   if (!opaque.empty()) TakeCutOut(opaque, image.labels);
   image.void_label = LastOfPalette(bytes).value_or(image.void_label);
@@ -227,17 +278,18 @@ absl::StatusOr<FloatImage> DecodeGrey(const std::filesystem::path& path, absl::s
 }
 
 absl::StatusOr<FloatImage> DecodeGrey(std::span<const uint8_t> bytes, absl::string_view name) {
-  ASSIGN_OR_RETURN(const Decoded decoded, Decode(bytes, name, cv::IMREAD_UNCHANGED));
-  if (decoded.header.format != ImageFormat::kPng) return Refused(name, "not a PNG");
-  if (decoded.pixels.channels() != 1)
+  ImageHeader header;
+  ASSIGN_OR_RETURN(const PngPixels png, DecodeStored(bytes, name, "not a PNG", header));
+  if (png.channels != 1)
     return Refused(name,
                    "has colours, a palette or alpha instead of one grey value a pixel; save the "
                    "values themselves as a grey PNG");
-  FloatImage image{decoded.header.width, decoded.header.height, {}};
-  image.values.resize(decoded.pixels.total());
+  FloatImage image{header.width, header.height, {}};
+  image.values.resize(static_cast<size_t>(header.width) * header.height);
   // Keeps the values: 16 bits stay 0 to 65535.
-  decoded.pixels.convertTo(cv::Mat(image.height, image.width, CV_32FC1, image.values.data()),
-                           CV_32F);
+  for (size_t i = 0; i < image.values.size(); ++i) {
+    image.values[i] = png.bit_depth == 8 ? png.bytes[i] : SampleAt<uint16_t>(png.bytes, i);
+  }
   return image;
 }
 

@@ -4,7 +4,8 @@
 #include "tests/system/fuzz/fuzz_target.h"
 #include "tests/system/fuzz/memory_file.h"
 
-// Debian's OpenCV has no instrumentation for coverage. The target checks the decoded image.
+// Debian's libjpeg, libpng and libwebp have no instrumentation for coverage. The target checks the
+// decoded image.
 PEPESEG_FUZZ_TARGET(decode_image) {
   static pepeseg::fuzz::MemoryFile file;
   const std::span raw(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
