@@ -9,6 +9,7 @@
 #include "core/base/status_macros.h"
 #include "server/rpc/call_interceptor.h"
 #include "server/rpc/connection_acceptor.h"
+#include "server/rpc/reflection.h"
 
 namespace pepeseg {
 namespace {
@@ -26,6 +27,7 @@ absl::StatusOr<std::unique_ptr<AdminListener>> AdminListener::Start(const Listen
                                                                     RpcMetrics& metrics) {
   std::unique_ptr<AdminListener> listener(new AdminListener(operations));
   grpc::ServerBuilder builder;
+  SetReflection(builder, false);
   SetLimits(builder, {kMaxAdminRequestBytes, absl::Hours(1)});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(MakeCallInterceptors(metrics, operations.models().data_folder()));

@@ -294,11 +294,11 @@ void Server::Parts::MakeQueryServices(int num_threads) {
 }
 
 absl::Status Server::Parts::Listen(const ServerOptions& options) {
-  // Both are global settings of gRPC, and count for servers that are built afterwards: not for the
-  // admin listener.
+  // A global setting of gRPC, which counts for servers that are built afterwards: not for the admin
+  // listener.
   grpc::EnableDefaultHealthCheckService(true);
-  if (options.reflection) RETURN_IF_ERROR(EnableReflection());
   grpc::ServerBuilder builder;
+  SetReflection(builder, options.reflection);
   SetLimits(builder, {kMaxRequestBytes, options.max_connection_age});
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(MakeCallInterceptors(

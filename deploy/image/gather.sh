@@ -44,6 +44,11 @@ for program in "$@"; do
   [[ $program != /usr/bin/* ]] || packages[${owner[$program]}]=1
 done
 
+# Our programs contain parts of the archives of these.
+for package in libabsl-dev libgrpc-dev libgrpc++-dev; do
+  packages[$package:$(dpkg --print-architecture)]=1
+done
+
 for package in "${!packages[@]}"; do
   dpkg-query -W -f='${Package} ${Version}\n' "$package" >>"$root/usr/share/pepeseg/packages.txt"
   dpkg-query -s "$package" >"$root/var/lib/dpkg/status.d/${package%%:*}"

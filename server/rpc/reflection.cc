@@ -1,24 +1,35 @@
 #include "server/rpc/reflection.h"
 
-#include <dlfcn.h>
-#include <grpcpp/grpcpp.h>
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
 
-#include <string>
-
-#include "absl/strings/str_cat.h"
+#include <memory>
+#include <utility>
+#include <vector>
 
 namespace pepeseg {
+namespace {
 
-absl::Status EnableReflection() {
-  // Libraries of gRPC are binary compatible within major and minor version: "1.51.1" is in
-  // libgrpc++_reflection.so.1.51.
-  const std::string version = grpc::Version();
-  const std::string library =
-      absl::StrCat("libgrpc++_reflection.so.", version.substr(0, version.rfind('.')));
-  // A constructor of the library registers the service.
-  if (dlopen(library.c_str(), RTLD_NOW | RTLD_GLOBAL) != nullptr) return absl::OkStatus();
-  return absl::UnavailableError(
-      absl::StrCat("--reflection: ", dlerror(), "; install it, or start without --reflection"));
+using Plugin = grpc::reflection::ProtoServerReflectionPlugin;
+
+class ReflectionOption : public grpc::ServerBuilderOption {
+ public:
+  explicit ReflectionOption(bool served) : served_(served) {}
+
+  void UpdateArguments(grpc::ChannelArguments*) override {}
+  void UpdatePlugins(std::vector<std::unique_ptr<grpc::ServerBuilderPlugin>>* plugins) override {
+    auto own = std::make_unique<Plugin>();
+    std::erase_if(*plugins, [&](const auto& plugin) { return plugin->name() == own->name(); });
+    if (served_) plugins->push_back(std::move(own));
+  }
+
+ private:
+  const bool served_;
+};
+
+}  // namespace
+
+void SetReflection(grpc::ServerBuilder& builder, bool served) {
+  builder.SetOption(std::make_unique<ReflectionOption>(served));
 }
 
 }  // namespace pepeseg

@@ -1,12 +1,12 @@
 #pragma once
 
-#include "absl/status/status.h"
+#include <grpcpp/grpcpp.h>
 
 namespace pepeseg {
 
-// Adds gRPC's reflection service, which lists all methods, to every server that is built
-// afterwards. Loads gRPC's library at run time: a program that is linked with it serves reflection
-// whether it wants to or not. UNAVAILABLE: the library is not installed.
-absl::Status EnableReflection();
+// Decides whether the server that the builder makes has gRPC's reflection service, which lists all
+// methods. Without this call it has: a program that is linked with gRPC's library for it registers
+// the service for each server.
+void SetReflection(grpc::ServerBuilder& builder, bool served);
 
 }  // namespace pepeseg
