@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <fstream>
+#include <memory>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -13,12 +14,13 @@
 #include "absl/strings/string_view.h"
 #include "core/base/errors.h"
 #include "core/base/file_io.h"
+#include "core/base/module.h"
 #include "core/base/status_macros.h"
+#include "core/dataset/video_decoder.h"
 #include "core/dataset/video_track.h"
 #include "core/formats/images.h"
 #include "opencv2/core.hpp"
 #include "opencv2/imgproc.hpp"
-#include "opencv2/videoio.hpp"
 
 namespace pepeseg {
 namespace {
@@ -83,31 +85,22 @@ class Reader {
       return Refused(task_.name, "is not an MP4, MOV, WebM, MKV or AVI video by its first bytes");
     }
     track_ = ReadVideoTrack(path);
-    return Try([&] { return OpenDecoder(path.string()); });
+    return OpenDecoder(path.string());
   }
 
   // Moves to the next frame without decoding it. Returns false at the end.
   absl::StatusOr<bool> Skip() {
-    bool read = false;
-    RETURN_IF_ERROR(Try([&] {
-      read = video_.grab();
-      return absl::OkStatus();
-    }));
+    const bool read = video_->Next();
     if (read && ++num_read_ > kMaxVideoFrames) return TooLong();
     return read;
   }
 
-  // Decodes the frame that Skip moved to, as stored.
+  // Returns the picture that Skip moved to, as stored. It is valid until the next call.
   absl::StatusOr<cv::Mat> Picture() {
-    cv::Mat frame;
-    RETURN_IF_ERROR(Try([&] {
-      const bool decoded = video_.retrieve(frame) && !frame.empty() && frame.type() == CV_8UC3;
-      if (!decoded) {
-        return Refused(task_.name, absl::StrCat("frame ", num_read_ - 1, " does not decode"));
-      }
-      return CheckPixels(frame.cols, frame.rows);  // may differ from the size in the header
-    }));
-    return frame;
+    if (!video_->Picture(bgr_)) {
+      return Refused(task_.name, absl::StrCat("frame ", num_read_ - 1, " does not decode"));
+    }
+    return cv::Mat(video_->height(), video_->width(), CV_8UC3, bgr_.data());
   }
 
   // Returns a decoded frame upright and in its right colours.
@@ -128,22 +121,16 @@ class Reader {
 
  private:
   absl::Status OpenDecoder(const std::string& path) {
-    if (!video_.open(path, cv::CAP_FFMPEG))
-      return Refused(task_.name, "is not a video that FFmpeg can read");
-    // Phones store upright videos sideways, with a rotation in the header. OpenCV 4.6 turns them
-    // the wrong way, so Shown() does it.
-    video_.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
-    const double width = video_.get(cv::CAP_PROP_FRAME_WIDTH);
-    const double height = video_.get(cv::CAP_PROP_FRAME_HEIGHT);
-    RETURN_IF_ERROR(CheckPixels(width, height));
-    const double declared = video_.get(cv::CAP_PROP_FRAME_COUNT);
-    if (declared > static_cast<double>(kMaxVideoFrames)) return TooLong();
-    if (declared > 0) num_declared_ = static_cast<int64_t>(declared);
-    return absl::OkStatus();
+    ASSIGN_OR_RETURN(void* const open, LoadModule("video", kOpenVideo));
+    video_.reset(reinterpret_cast<OpenVideoFn*>(open)(path.c_str()));
+    if (video_ == nullptr) return Refused(task_.name, "is not a video that FFmpeg can read");
+    RETURN_IF_ERROR(CheckPixels(video_->width(), video_->height()));
+    num_declared_ = std::max<int64_t>(video_->num_frames(), 0);
+    return num_declared_ > kMaxVideoFrames ? TooLong() : absl::OkStatus();
   }
 
-  absl::Status CheckPixels(double width, double height) const {
-    if (width >= 1 && height >= 1 && width * height <= static_cast<double>(kMaxVideoPixels)) {
+  absl::Status CheckPixels(int64_t width, int64_t height) const {
+    if (width >= 1 && height >= 1 && width * height <= kMaxVideoPixels) {
       return absl::OkStatus();
     }
     return Refused(task_.name, absl::StrCat(width, "x", height, " pixels, allowed are up to ",
@@ -157,7 +144,8 @@ class Reader {
 
   const VideoTask& task_;
   VideoTrack track_;
-  cv::VideoCapture video_;
+  std::unique_ptr<VideoDecoder> video_;
+  std::vector<uint8_t> bgr_;  // the picture at hand
   int64_t num_read_ = 0;
   int64_t num_declared_ = 0;
 };

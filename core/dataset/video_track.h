@@ -7,9 +7,8 @@
 
 namespace pepeseg {
 
-// How the first video track of an MP4 or MOV file is shown, by its header. OpenCV 4.6 turns frames
-// against the display matrix (its issue 22088) and decodes all colours as BT.601, so frames are
-// decoded as stored and corrected by this.
+// How the first video track of an MP4 or MOV file is shown, by its header. VideoDecoder returns
+// frames as stored, with all colours decoded as BT.601; they are corrected by this.
 struct VideoTrack {
   // Display matrix: the stored pixel (x, y) is shown at (a x + c y, b x + d y), up to a shift. Only
   // the signs count.

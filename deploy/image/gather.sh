@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Gathers programs and the libraries that they load, so that an image has these and not whole packages
 # with their data and drivers (COLMAP's bring Mesa and LLVM, GDAL's bring maps of the world).
-#   gather.sh BASE_PACKAGES ROOT PROGRAM...
+#   gather.sh BASE_PACKAGES ROOT PROGRAM_OR_MODULE...
+# Programs go to usr/bin, modules (*.so, which programs load when they need them) to usr/lib/pepeseg.
 # BASE_PACKAGES: the base image's packages, one "name:architecture version" a line, which are left out.
 # Below ROOT it also writes which packages the files are from: usr/share/pepeseg/packages.txt, dpkg's
 # entries (var/lib/dpkg/status.d, read by vulnerability scanners) and the packages' copyright files.
@@ -40,6 +41,7 @@ for library in $libraries; do
   copy "$(readlink -f "$library")" "$(readlink -f "$(dirname "$library")")/$(basename "$library")"
 done
 for program in "$@"; do
+  [[ $program != *.so ]] || { install -D -m 644 -t "$root/usr/lib/pepeseg" "$program"; continue; }
   install -m 755 "$program" "$root/usr/bin/"
   [[ $program != /usr/bin/* ]] || packages[${owner[$program]}]=1
 done

@@ -26,6 +26,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/child_process.h"
 #include "core/base/errors.h"
+#include "core/base/module.h"
 #include "core/base/status_macros.h"
 #include "server/api/convert.h"
 #include "server/observe/log.h"
@@ -208,6 +209,7 @@ SandboxNeeds NeedsOf(const JobFolder& folder, const JobSpec& spec) {
   // A job with an invalid spec fails before it reads these files or starts a program.
   if (settings.ok() && inputs.ok()) {
     for (const auto& file : FilesOf(inputs->tools)) needs.reads.push_back(file);
+    needs.reads.push_back(ModulePath("video"));
     needs.runs_programs = MayRunPrograms(*inputs, *settings);
   }
   const WorkerOptions& options = spec.worker;

@@ -33,6 +33,8 @@ forbid 'no logging in kernels' 'spdlog/' kernels
 forbid 'OpenCV belongs in core/formats, core/dataset, core/priors and LPIPS' 'opencv' \
   core kernels server clients -not -path 'core/formats/*' -not -path 'core/dataset/*' \
   -not -path 'core/priors/*' -not -path 'core/evaluate/lpips.cc'
+forbid 'readers of OpenCV bring 200 libraries' 'opencv2/(highgui|imgcodecs|videoio)' \
+  core kernels server clients
 forbid 'CUDA headers belong in kernels/cuda' "$cuda" \
   core kernels server clients -not -path 'kernels/cuda/*'
 forbid 'no Eigen or Abseil in device code' 'Eigen/|absl/' kernels core -name '*.cu*'

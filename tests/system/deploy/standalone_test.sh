@@ -12,8 +12,9 @@ fail() { echo "FAILED: $*" >&2; exit 1; }
 
 mkdir "$work/build"
 ln -s "$(realpath "$programs")" "$work/build/bin"
+ln -s "$(realpath "$programs/../lib")" "$work/build/lib"
 DESTDIR=$work/root "$root/deploy/standalone/install.sh" "$work/build" --gpu >/dev/null
-for file in usr/bin/pepesegd usr/lib/sysusers.d/pepeseg.conf etc/pepeseg/pepesegd.conf \
+for file in usr/bin/pepesegd usr/lib/pepeseg/video.so usr/lib/sysusers.d/pepeseg.conf etc/pepeseg/pepesegd.conf \
   usr/lib/systemd/system/pepesegd.service.d/gpu.conf; do
   [[ -s $work/root/$file ]] || fail "install.sh leaves no $file"
 done
