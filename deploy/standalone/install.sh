@@ -17,7 +17,7 @@ cd "$(dirname "$0")"
 for program in pepesegd pepeseg-worker pepeseg; do
   [[ -x $build/bin/$program ]] || { echo "$build/bin/$program: not built" >&2; exit 1; }
 done
-for module in video; do
+for module in video postgresql; do
   [[ -e $build/lib/pepeseg/$module.so ]] || { echo "$build/lib/pepeseg/$module.so: not built" >&2; exit 1; }
 done
 [[ -n $to || $EUID == 0 ]] || { echo 'install.sh: as root, or with DESTDIR' >&2; exit 1; }
@@ -28,7 +28,7 @@ for program in pepesegd pepeseg-worker pepeseg; do
   install -m 755 --strip "$build/bin/$program" "$to/usr/bin/.$program.new"
   mv "$to/usr/bin/.$program.new" "$to/usr/bin/$program"
 done
-for module in video; do
+for module in video postgresql; do
   install -m 644 --strip "$build/lib/pepeseg/$module.so" "$to/usr/lib/pepeseg/.$module.new"
   mv "$to/usr/lib/pepeseg/.$module.new" "$to/usr/lib/pepeseg/$module.so"
 done

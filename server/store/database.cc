@@ -174,13 +174,14 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& url)
     database.reset(new Database(
         soci::sqlite3, absl::StrCat("dbname=\"", url.substr(kSqlite.size()), "\" timeout=10"), 1));
   } else if (url.starts_with(kPostgresql) && url.size() > kPostgresql.size()) {
+    ASSIGN_OR_RETURN(const soci::backend_factory* const backend, PostgresqlBackend());
     const bool is_uri = url.starts_with("postgresql://");
     num_connections = kNumConnections;
     // A call must not wait for minutes for a host that does not answer. The operator's own value
     // counts.
     setenv("PGCONNECT_TIMEOUT", "5", /*overwrite=*/0);
-    database.reset(new Database(soci::postgresql, is_uri ? url : url.substr(kPostgresql.size()),
-                                num_connections));
+    database.reset(
+        new Database(*backend, is_uri ? url : url.substr(kPostgresql.size()), num_connections));
   } else {
     // The message does not contain the URL, which may hold a password.
     return absl::InvalidArgumentError(

@@ -20,7 +20,7 @@ class Database {
   // `url`: "sqlite:PATH", or "postgresql:" followed by libpq's "host=db dbname=pepeseg" or by the
   // rest of a "postgresql://" URI. Creates the schema in an empty database. UNAVAILABLE: no
   // connection. DATA_LOSS: SQLite's own checks find the file damaged. FAILED_PRECONDITION: the
-  // schema has another version than kSchemaVersion.
+  // schema has another version than kSchemaVersion, or PostgreSQL's module is not installed.
   static absl::StatusOr<std::unique_ptr<Database>> Open(const std::string& url);
 
   // Runs `body` in a serializable transaction; commits if it returns OK, else rolls back. Runs it
@@ -62,7 +62,7 @@ class Database {
   }
 
   // Returns whether other servers may use the database at the same time.
-  bool shared() const { return backend_ == &soci::postgresql; }
+  bool shared() const { return backend_ != &soci::sqlite3; }
 
  private:
   // How one run of a body ended.

@@ -1,18 +1,25 @@
 #include "server/store/soci.h"
 
+#include <atomic>
 #include <cerrno>
 #include <string>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "core/base/errors.h"
+#include "core/base/module.h"
+#include "core/base/status_macros.h"
+#include "server/store/postgresql_module.h"
 
 namespace pepeseg {
 namespace {
 
+// Null until the module is loaded: before that no error is PostgreSQL's.
+std::atomic<const PostgresqlModule*> postgresql = nullptr;
+
 std::string SqlState(const soci::soci_error& error) {
-  const auto* postgresql = dynamic_cast<const soci::postgresql_soci_error*>(&error);
-  return postgresql == nullptr ? "" : postgresql->sqlstate();
+  const PostgresqlModule* module = postgresql;
+  return module == nullptr ? "" : module->sql_state(error);
 }
 
 bool IsBrokenConstraint(const soci::soci_error& error) {
@@ -58,6 +65,12 @@ absl::StatusCode CodeOf(const soci::soci_error& error, int system_error) {
 }
 
 }  // namespace
+
+absl::StatusOr<const soci::backend_factory*> PostgresqlBackend() {
+  ASSIGN_OR_RETURN(void* const get, LoadModule("postgresql", kGetPostgresql));
+  postgresql = reinterpret_cast<GetPostgresqlFn*>(get)();
+  return postgresql.load()->factory;
+}
 
 bool IsCollision(const soci::soci_error& error) {
   const auto* sqlite = dynamic_cast<const soci::sqlite3_soci_error*>(&error);

@@ -7,14 +7,18 @@
 #define SOCI_HAVE_CXX11
 #define SOCI_HAVE_VISIBILITY_SUPPORT
 
-#include <soci/postgresql/soci-postgresql.h>
 #include <soci/soci.h>
 #include <soci/sqlite3/soci-sqlite3.h>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 
 // The meaning of SOCI's exceptions, for SQLite and PostgreSQL.
 namespace pepeseg {
+
+// Returns SOCI's part for PostgreSQL, which it loads first. FAILED_PRECONDITION: it is not
+// installed.
+absl::StatusOr<const soci::backend_factory*> PostgresqlBackend();
 
 // Returns whether two transactions got in each other's way, so that this one should run again. In
 // PostgreSQL this includes a key that is taken: another transaction may have taken it meanwhile,

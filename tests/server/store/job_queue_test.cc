@@ -165,7 +165,7 @@ TEST_F(StoreQueueTest, ClaimsAJobThatHasWaitedForLongInTheOrderOfPreviews) {
   const std::string preview = Queue(*store, kDefaultProject, true);
   const bool is_sqlite = url_.starts_with("sqlite:");
   soci::session sql = is_sqlite ? soci::session(soci::sqlite3, "dbname=\"" + url_.substr(7) + "\"")
-                                : soci::session(soci::postgresql, url_.substr(11));
+                                : soci::session(**PostgresqlBackend(), url_.substr(11));
   sql << "UPDATE jobs SET create_time = create_time - 601000000";
   for (const std::string& next : {waits, preview}) {
     ASSERT_OK_AND_ASSIGN(const std::optional<JobRecord> job, store->queue().ClaimJob("cpu"));

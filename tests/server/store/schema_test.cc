@@ -36,7 +36,7 @@ class Connection {
       : is_sqlite_(absl::StartsWith(url, "sqlite:")),
         sql_(is_sqlite_ ? soci::session(soci::sqlite3,
                                         absl::StrCat("dbname=\"", url.substr(7), "\" timeout=10"))
-                        : soci::session(soci::postgresql, url.substr(11))) {}
+                        : soci::session(**PostgresqlBackend(), url.substr(11))) {}
 
   // Returns the texts that a query with one column selects.
   std::vector<std::string> Select(const std::string& query) {

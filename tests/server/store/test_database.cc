@@ -92,7 +92,7 @@ void PostgresqlServer::Start() {
   const auto answers = [&] {
     if (waitpid(pid_, nullptr, WNOHANG) == pid_) pid_ = launch();
     try {
-      const soci::session sql(soci::postgresql, Connection());
+      const soci::session sql(**PostgresqlBackend(), Connection());
       return true;
     } catch (const soci::soci_error&) {
       return false;
@@ -118,7 +118,7 @@ void PostgresqlServer::Restart() {
 
 std::string PostgresqlServer::NewDatabase(const std::string& host) {
   const std::string name = absl::StrCat("t", ++num_databases_);
-  soci::session sql(soci::postgresql, Connection());
+  soci::session sql(**PostgresqlBackend(), Connection());
   sql << "CREATE SCHEMA " << name;
   return absl::StrCat("postgresql:", Connection(host), " options='-c search_path=", name, "'");
 }

@@ -87,7 +87,7 @@ class LostCommits : public ::testing::Test {
   static std::string FindDoubles(const std::string& url, const std::filesystem::path& data) {
     const std::map<std::string, int> wanted = {{"scenes", 1}, {"datasets", 1},   {"jobs", 1},
                                                {"models", 1}, {"selections", 2}, {"labels", 0}};
-    soci::session sql(soci::postgresql, url.substr(std::string("postgresql:").size()));
+    soci::session sql(**PostgresqlBackend(), url.substr(std::string("postgresql:").size()));
     std::vector<std::string> wrong;
     for (const auto& [table, want] : wanted) {
       int count = 0;
