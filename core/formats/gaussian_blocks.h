@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -29,6 +30,8 @@ class GaussianBlocks {
       : gaussians_(gaussians), indices_(std::move(indices)) {}
   // Returns a parameter of the Gaussian in a row of the file.
   float ValueOf(int plane, int64_t row) const { return gaussians_.Plane(plane)[IndexOf(row)]; }
+  // Returns the opacity of the Gaussian in a row, 0 to 1.
+  float OpacityOf(int64_t row) const { return 1 / (1 + std::exp(-ValueOf(kOpacityPlane, row))); }
   // Returns the Gaussian of a row.
   size_t IndexOf(int64_t row) const { return indices_[static_cast<size_t>(row)]; }
 

@@ -9,7 +9,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/formats/y_up.h"
-#include "kernels/math/blend.h"
 #include "nlohmann/json.hpp"
 
 namespace pepeseg {
@@ -190,7 +189,7 @@ std::string GaussianGlbBlocks::EncodeRows(int64_t first, int64_t count) const {
         std::hypot(std::hypot(rotation[0], rotation[1]), std::hypot(rotation[2], rotation[3]));
     for (const int k : {1, 2, 3, 0}) out.Float(rotation[k] / length);
     for (int k = 0; k < 3; ++k) out.Float(std::exp(ValueOf(kLogScalePlane + k, row)));
-    const float opacity = Sigmoid(ValueOf(kOpacityPlane, row));
+    const float opacity = OpacityOf(row);
     out.Float(opacity);
     for (int k = 0; k < 3; ++k) {
       out.Byte(ByteOf(LinearOf(0.5f + kShBase * ValueOf(kShPlane + k, row))));

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "core/formats/y_up.h"
-#include "kernels/math/blend.h"
 
 namespace pepeseg {
 namespace {
@@ -153,7 +152,7 @@ void GaussianSpzBlocks::AppendRow(Array array, int64_t row, std::string& bytes) 
       }
       return;
     case Array::kAlphas:
-      return AppendByte(255 * Sigmoid(ValueOf(kOpacityPlane, row)), bytes);
+      return AppendByte(255 * OpacityOf(row), bytes);
     case Array::kColors:  // 0.15 leaves room for colours that higher degrees bring back into range
       for (int c = 0; c < 3; ++c) {
         AppendByte(255 * (0.5f + 0.15f * ValueOf(kShPlane + c, row)), bytes);

@@ -13,8 +13,9 @@ namespace pepeseg {
 // A subset of Gaussians as SPZ, version 3 (https://github.com/nianticlabs/spz): gzip of a header
 // and of one array for each parameter, with 8 bits a number, 24 for each coordinate and 32 for a
 // rotation. Coordinates are multiples of a power of two that is at most 1/65536 of the
-// greatest coordinate of the median Gaussian. SH coefficients of degree 1 have 5 bits, of degree 2 and 3 four, within [-1, 1].
-// The axes are those of glTF (y_up.h), the positions relative to the model's origin.
+// greatest coordinate of the median Gaussian. SH coefficients of degree 1 have 5 bits, of degree 2
+// and 3 four, within [-1, 1]. The axes are those of glTF (y_up.h), the positions relative to the
+// model's origin.
 class GaussianSpzBlocks final : public GaussianBlocks {
  public:
   // See GaussianBlocks.

@@ -11,12 +11,13 @@ namespace pepeseg {
 // these formats turns the world by 180 degrees about x: x, -y, -z. Each parameter of a Gaussian
 // keeps its size and is multiplied by 1 or -1.
 
+// Signs of a position.
 inline constexpr std::array<float, 3> kYUpMean = {1, -1, -1};
-// Of a rotation w, x, y, z. Both the world and the Gaussian's own axes are turned, of which the
-// latter changes no ellipsoid.
+// Signs of a rotation w, x, y, z. Both the world and the Gaussian's own axes are turned, of which
+// the latter changes no ellipsoid.
 inline constexpr std::array<float, 4> kYUpRotation = {1, 1, -1, -1};
-// Of the SH coefficients of a channel, in the order of the planes: -1 where the basis function
-// (METHOD.md section 1) changes its sign with y and z.
+// Signs of the SH coefficients of a channel, in the order of the planes: -1 where the basis
+// function (METHOD.md section 1) changes its sign with y and z.
 inline constexpr std::array<float, NumShCoefficients(kMaxShDegree)> kYUpSh = {
     1,                         // degree 0
     -1, -1, 1,                 // y, z, x

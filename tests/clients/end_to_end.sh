@@ -156,6 +156,12 @@ grep -Eq '^  1:1 +[0-9]+ Gaussians' "$work/output" || fail 'decompose prints no 
 [[ -s $work/pieces/frame-000003_colors.png ]] || fail 'decompose writes no coloured segments'
 expect 0 pepeseg render shelf --views frame-000003.jpg --segment 0:1 --without --out "$work/rest"
 expect 0 pepeseg export shelf "$work/piece.ply" --segment 0:1
+expect 0 pepeseg export shelf "$work/piece.glb" --segment 0:1
+[[ $(head -c 4 "$work/piece.glb") == glTF ]] || fail 'a file named .glb is no glTF'
+expect 0 pepeseg export shelf "$work/piece.SPZ" --segment 0:1
+[[ $(gzip -dc "$work/piece.SPZ" | head -c 4) == NGSP ]] || fail 'a file named .SPZ is no SPZ'
+expect 0 pepeseg export shelf "$work/odd.glb" --segment 0:1 --format ply
+[[ $(head -c 3 "$work/odd.glb") == ply ]] || fail '--format does not decide'
 expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999
 [[ ! -e $work/none.ply && ! -e $work/none.ply.part ]] || fail 'a refused export leaves a file'
 expect 0 pepeseg-benchmark evaluate shelf "$dataset/labels" --ignore "$dataset/ignore_mask.png"

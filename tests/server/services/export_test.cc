@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <utility>
 
 #include "core/base/digest.h"
 #include "core/formats/gaussian_ply.h"
@@ -127,6 +128,27 @@ TEST_F(ExportTest, ExportsTheSameInBothCoordinatesNearZero) {
   ASSERT_OK(Export());
   EXPECT_EQ(ply, stored);
   EXPECT_FALSE(header.has_origin());
+}
+
+TEST_F(ExportTest, ExportsOtherFormatsOfAllAndOfASegment) {
+  for (const auto& [format, magic] : {std::pair(v1::GAUSSIAN_FORMAT_GLB, "glTF"),
+                                      std::pair(v1::GAUSSIAN_FORMAT_SPZ, "\x1f\x8b")}) {
+    request.set_format(format);
+    request.clear_subset();
+    ASSERT_OK(Export());
+    EXPECT_EQ(header.num_gaussians(), 20'000);
+    EXPECT_EQ(header.num_bytes(), static_cast<int64_t>(ply.size()));
+    EXPECT_EQ(header.sha256(), Sha256Hex(ply));
+    EXPECT_TRUE(ply.starts_with(magic));
+    EXPECT_FALSE(header.has_origin());
+    const size_t whole = ply.size();
+    SetSegment(1, 2, *request.mutable_subset());
+    ASSERT_OK(Export());
+    EXPECT_EQ(header.num_gaussians(), 10'000);
+    EXPECT_EQ(header.sha256(), Sha256Hex(ply));
+    EXPECT_TRUE(ply.starts_with(magic));
+    EXPECT_LT(ply.size(), whole);
+  }
 }
 
 TEST_F(ExportTest, RefusesAFormatThatItDoesNotHave) {

@@ -36,11 +36,13 @@ struct FarOriginTest : ServiceTest {
     *request.mutable_viewpoint() = viewpoint;
     return Call(&RenderStub::RenderView, request)->png();
   }
-  std::string Export(bool only_blue, v1::Coordinates coordinates = v1::COORDINATES_UNSPECIFIED) {
+  std::string Export(bool only_blue, v1::Coordinates coordinates = v1::COORDINATES_UNSPECIFIED,
+                     v1::GaussianFormat format = v1::GAUSSIAN_FORMAT_PLY) {
     grpc::ClientContext context;
     v1::ExportGaussiansRequest request;
     request.set_model(kModel);
     request.set_coordinates(coordinates);
+    request.set_format(format);
     if (only_blue) {
       request.mutable_subset()->mutable_segment()->set_level(1);
       request.mutable_subset()->mutable_segment()->set_id(2);
@@ -55,6 +57,7 @@ struct FarOriginTest : ServiceTest {
     EXPECT_EQ(header.sha256(), Sha256Hex(ply));
     return ply;
   }
+  bool HasOrigin() const { return header.origin().y() == kOrigin[1]; }
   v1::ExportGaussiansResponse::Header header;  // of the last export
 };
 
@@ -85,6 +88,18 @@ TEST_F(FarOriginTest, ExportsInTheWorld) {
     for (const float z : relative.Plane(kMeanPlane + 2)) ASSERT_NEAR(z, 2, 1e-6);
     for (const float x : relative.Plane(kMeanPlane)) ASSERT_LT(std::abs(x), 1.2);
   }
+}
+
+// Neither format has doubles for positions.
+TEST_F(FarOriginTest, MovesTheNodeOfAGlb) {
+  const std::string local = Export(true, v1::COORDINATES_LOCAL, v1::GAUSSIAN_FORMAT_GLB);
+  EXPECT_TRUE(HasOrigin());
+  EXPECT_EQ(local.find("translation"), std::string::npos);
+  const std::string world = Export(true, v1::COORDINATES_WORLD, v1::GAUSSIAN_FORMAT_GLB);
+  EXPECT_FALSE(header.has_origin());
+  EXPECT_NE(world.find("\"translation\":[400000.0,-5300000.0,-100.0]"), std::string::npos);
+  Export(false, v1::COORDINATES_WORLD, v1::GAUSSIAN_FORMAT_SPZ);
+  EXPECT_TRUE(HasOrigin());
 }
 
 // Viewers read doubles wrongly or not at all.

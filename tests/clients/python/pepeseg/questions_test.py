@@ -241,6 +241,10 @@ class TestDecompose:
         assert first.parent == 0 and len(first.min) == 3
         written = client.export(tmp_path / "first.ply", first)
         assert written.num_gaussians == first.num_gaussians
+        for name, start in (("first.glb", b"glTF"), ("first.spz", b"\x1f\x8b")):
+            assert client.export(tmp_path / name, first).num_gaussians == first.num_gaussians
+            assert (tmp_path / name).read_bytes().startswith(start)
+        assert client.export(tmp_path / "odd.glb", first, format="ply").sha256 == written.sha256
         ids_image = client.render(VIEW, content="segments", level=1, scales=first.scales)
         assert ids_image.dtype == np.uint16
         assert set(np.unique(ids_image)) <= ids | {0}
