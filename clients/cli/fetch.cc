@@ -124,6 +124,7 @@ struct ExportFlags {
   std::string model = "live";
   std::string format;  // empty: that of the file's name
   std::string origin = "local";
+  bool segment_ids = false;
   SubsetFlags subset;
   LabelQuery labels;  // its views and sam_borders
 };
@@ -164,6 +165,19 @@ absl::StatusOr<std::string> WriteOrigin(const v1::ExportGaussiansResponse::Heade
   return path;
 }
 
+// Writes what the segments' ids in an export mean to FILE.segments.json: the segments of each level
+// with their parents, sizes and boxes.
+absl::Status WriteSegmentsOf(const Client& client,
+                             const v1::ExportGaussiansResponse::Header& header,
+                             const ExportFlags& flags) {
+  v1::DecomposeModelRequest request;
+  request.set_model(header.model());
+  const std::vector<double>& scales = flags.subset.scales;
+  request.mutable_scales()->Add(scales.begin(), scales.end());
+  ASSIGN_OR_RETURN(const v1::DecomposeModelResponse answer, client.Decompose(request));
+  return WriteFile(flags.file + ".segments.json", ToJson(answer) + "\n");
+}
+
 // Writes the Gaussians, or the masks of the labels, and prints what it wrote.
 absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   ASSIGN_OR_RETURN(const v1::Subset subset, ParseSubset(flags.subset, flags.scene));
@@ -171,10 +185,11 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   const auto* const found = std::ranges::find_if(
       kGaussianFormats, [&word](const GaussianFormat& format) { return word == format.word; });
   if (found == std::ranges::end(kGaussianFormats)) {
-    if (subset.of_case() == v1::Subset::OF_NOT_SET) return RunLabelExport(shell, flags);
-    return absl::InvalidArgumentError(
-        absl::StrCat("--format ", flags.format,
-                     " has the masks of labels: leave out --selection, --segment and --without"));
+    const bool of_all = subset.of_case() == v1::Subset::OF_NOT_SET && !flags.segment_ids;
+    if (of_all) return RunLabelExport(shell, flags);
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--format ", flags.format,
+        " has the masks of labels: leave out --selection, --segment, --without and --segment-ids"));
   }
   if (!flags.labels.views.empty()) {
     return absl::InvalidArgumentError(
@@ -185,18 +200,22 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   *request.mutable_subset() = subset;
   request.set_coordinates(flags.origin == "local" ? v1::COORDINATES_LOCAL : v1::COORDINATES_WORLD);
   request.set_format(found->format);
+  if (flags.segment_ids) {
+    const std::vector<double>& scales = flags.subset.scales;
+    request.mutable_segment_ids()->mutable_scales()->Add(scales.begin(), scales.end());
+  }
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(const v1::ExportGaussiansResponse::Header header,
                    client.Export(request, flags.file));
   ASSIGN_OR_RETURN(const std::string origin, WriteOrigin(header, flags.file));
+  if (flags.segment_ids) RETURN_IF_ERROR(WriteSegmentsOf(client, header, flags));
   if (shell.json) {
     PrintJson(header);
   } else {
     Print(absl::StrFormat("%s: %d Gaussians, %.1f MB, of %s", flags.file, header.num_gaussians(),
                           static_cast<double>(header.num_bytes()) * 1e-6, header.model()));
     if (!origin.empty()) {
-      Print(absl::StrCat("positions are relative to the origin in ", origin,
-                         " and in the PLY's comment; --origin world adds it"));
+      Print(absl::StrCat("positions are relative to the origin in ", origin));
     }
   }
   return absl::OkStatus();
@@ -299,6 +318,10 @@ void AddExport(CLI::App& app, Shell& shell) {
   verb->add_flag("!--no-sam-borders", flags->labels.sam_borders,
                  "Leave the borders of the masks to the model where SAM would place them");
   AddSubsetFlags(*verb, flags->subset);
+  verb->add_flag(
+      "--segment-ids", flags->segment_ids,
+      "Add to each Gaussian of a PLY the ids of the segments that it is in, as segment_0, "
+      "segment_1, ..., and write the segments to FILE.segments.json");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunExport(shell, *flags); }; });
 }
 

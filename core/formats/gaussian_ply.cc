@@ -62,9 +62,10 @@ size_t BytesOf(const Field& field, const Eigen::Vector3d& origin) {
 }
 
 // Returns the header. `added` was added to the means; `left_out` is what is still to be added to
-// them, named in a comment if it is not zero.
+// them, named in a comment if it is not zero. `num_levels`: of segment ids.
 std::string HeaderOf(const std::vector<Field>& fields, int64_t count, const Eigen::Vector3d& added,
-                     const Eigen::Vector3d& left_out = Eigen::Vector3d::Zero()) {
+                     const Eigen::Vector3d& left_out = Eigen::Vector3d::Zero(),
+                     size_t num_levels = 0) {
   std::string header = "ply\nformat binary_little_endian 1.0\n";
   if (!left_out.isZero(0)) {
     absl::StrAppendFormat(&header, "comment pepeseg_origin %.17g %.17g %.17g\n", left_out.x(),
@@ -74,6 +75,9 @@ std::string HeaderOf(const std::vector<Field>& fields, int64_t count, const Eige
   for (const Field& field : fields) {
     const char* type = IsDouble(field, added) ? "double" : "float";
     absl::StrAppend(&header, "property ", type, " ", field.name, "\n");
+  }
+  for (size_t level = 0; level < num_levels; ++level) {
+    absl::StrAppend(&header, "property int segment_", level, "\n");
   }
   return header + "end_header\n";
 }
@@ -113,9 +117,9 @@ size_t RowBytesOf(const std::vector<Field>& fields, const Eigen::Vector3d& origi
 // Goes plane by plane, because planes are contiguous in memory.
 template <typename IndexOf>
 std::string EncodeVertices(const Gaussians& gaussians, const Eigen::Vector3d& origin, int64_t first,
-                           int64_t count, IndexOf index_of) {
+                           int64_t count, IndexOf index_of, const SegmentIds& segment_ids = {}) {
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
-  const size_t stride = RowBytesOf(fields, origin);
+  const size_t stride = RowBytesOf(fields, origin) + segment_ids.size() * sizeof(int32_t);
   std::string block(static_cast<size_t>(count) * stride, '\0');
   char* to = block.data();
   for (const Field& field : fields) {
@@ -132,6 +136,12 @@ std::string EncodeVertices(const Gaussians& gaussians, const Eigen::Vector3d& or
       }
     }
     to += size;
+  }
+  for (const std::vector<int32_t>& ids : segment_ids) {
+    for (int64_t row = 0; row < count; ++row) {
+      std::memcpy(to + row * stride, &ids[index_of(first + row)], sizeof(int32_t));
+    }
+    to += sizeof(int32_t);
   }
   return block;
 }
@@ -184,17 +194,20 @@ std::string EncodeGaussianPly(const Gaussians& gaussians, const Eigen::Vector3d&
 }
 
 GaussianPlyBlocks::GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
-                                     const Eigen::Vector3d& origin, PlyCoordinates coordinates)
+                                     const Eigen::Vector3d& origin, PlyCoordinates coordinates,
+                                     SegmentIds segment_ids)
     : GaussianRowBlocks(gaussians, std::move(indices)),
-      added_(coordinates == PlyCoordinates::kWorld ? origin : Eigen::Vector3d(0, 0, 0)) {
+      added_(coordinates == PlyCoordinates::kWorld ? origin : Eigen::Vector3d(0, 0, 0)),
+      segment_ids_(std::move(segment_ids)) {
   const std::vector<Field> fields = FieldsOf(gaussians.sh_degree);
-  SetLayout(HeaderOf(fields, num_gaussians(), added_, origin - added_),
-            static_cast<int64_t>(RowBytesOf(fields, added_)));
+  SetLayout(
+      HeaderOf(fields, num_gaussians(), added_, origin - added_, segment_ids_.size()),
+      static_cast<int64_t>(RowBytesOf(fields, added_) + segment_ids_.size() * sizeof(int32_t)));
 }
 
 std::string GaussianPlyBlocks::EncodeRows(int64_t first, int64_t count) const {
-  return EncodeVertices(gaussians_, added_, first, count,
-                        [this](int64_t row) { return IndexOf(row); });
+  return EncodeVertices(
+      gaussians_, added_, first, count, [this](int64_t row) { return IndexOf(row); }, segment_ids_);
 }
 
 absl::StatusOr<Gaussians> ReadGaussianPly(const std::filesystem::path& path,

@@ -32,18 +32,24 @@ absl::Status WriteGaussianPly(const std::filesystem::path& path, const Gaussians
 std::string EncodeGaussianPly(const Gaussians& gaussians,
                               const Eigen::Vector3d& origin = Eigen::Vector3d::Zero());
 
-// A subset of Gaussians as such a file.
+// For each level of a decomposition the id of the segment of each Gaussian, 0 in none.
+using SegmentIds = std::vector<std::vector<int32_t>>;
+
+// A subset of Gaussians as such a file. It has a further int property for each level of
+// `segment_ids`: segment_0, segment_1, ...
 class GaussianPlyBlocks final : public GaussianRowBlocks {
  public:
   // See GaussianBlocks.
   GaussianPlyBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
                     const Eigen::Vector3d& origin,
-                    PlyCoordinates coordinates = PlyCoordinates::kWorld);
+                    PlyCoordinates coordinates = PlyCoordinates::kWorld,
+                    SegmentIds segment_ids = {});
 
  private:
   std::string EncodeRows(int64_t first, int64_t count) const override;
 
-  Eigen::Vector3d added_;  // to x y z
+  const Eigen::Vector3d added_;  // to x y z
+  const SegmentIds segment_ids_;
 };
 
 // Reads Gaussians from such a file. The properties may have any order and number type, and other

@@ -47,6 +47,19 @@ absl::StatusOr<GaussianSet> FindSegment(const SceneModel& model, const v1::Segme
   return found;
 }
 
+absl::StatusOr<std::vector<std::vector<int32_t>>> FindSegmentIds(
+    const SceneModel& model, const google::protobuf::RepeatedField<double>& scales,
+    const std::string& field) {
+  ASSIGN_OR_RETURN(const std::vector<double> read, ReadScales(scales, field));
+  std::vector<std::vector<int32_t>> ids;
+  // Copied out, as in FindSegment.
+  RETURN_IF_ERROR(model.Decompose(read, [&](const Decomposition& whole) {
+    for (const Decomposition::Level& level : whole.levels) ids.push_back(level.ids);
+    return absl::OkStatus();
+  }));
+  return ids;
+}
+
 v1::DecomposeModelResponse::Level LevelToProto(const Decomposition::Level& level,
                                                const Model& model) {
   v1::DecomposeModelResponse::Level proto;

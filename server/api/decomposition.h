@@ -25,6 +25,12 @@ absl::Status CheckLevelField(int32_t level, size_t num_levels, const std::string
 absl::StatusOr<GaussianSet> FindSegment(const SceneModel& model, const v1::SegmentRef& segment,
                                         const std::string& field);
 
+// Returns the segment of each Gaussian at each of the scales, which ReadScales reads. Decomposes
+// the model if that has not been done.
+absl::StatusOr<std::vector<std::vector<int32_t>>> FindSegmentIds(
+    const SceneModel& model, const google::protobuf::RepeatedField<double>& scales,
+    const std::string& field);
+
 v1::DecomposeModelResponse::Level LevelToProto(const Decomposition::Level& level,
                                                const Model& model);
 

@@ -10,6 +10,8 @@
 #include "core/formats/gaussian_ply.h"
 #include "core/formats/gaussian_spz.h"
 #include "core/model_files/model_file.h"
+#include "core/query/decomposition.h"
+#include "server/api/decomposition.h"
 #include "server/api/error.h"
 #include "server/worker_protocol/job_folder.h"
 
@@ -31,7 +33,7 @@ bool IsPly(const v1::ExportGaussiansRequest& request) {
 
 // Returns whether the call is one of those that compute. Others mostly read the stored file.
 bool Computes(const v1::ExportGaussiansRequest& request) {
-  return request.has_subset() || !IsPly(request);
+  return request.has_subset() || request.has_segment_ids() || !IsPly(request);
 }
 
 // Returns whether positions are relative to the model's origin.
@@ -46,6 +48,7 @@ bool LeavesOrigin(const v1::ExportGaussiansRequest& request) {
 
 // Returns the file of these Gaussians in the format of the request. The model must outlive it.
 std::unique_ptr<const GaussianBlocks> BlocksOf(const Model& model, std::vector<uint32_t> indices,
+                                               SegmentIds segment_ids,
                                                const v1::ExportGaussiansRequest& request) {
   if (request.format() == v1::GAUSSIAN_FORMAT_SPZ) {
     return std::make_unique<GaussianSpzBlocks>(model.gaussians, std::move(indices));
@@ -57,7 +60,7 @@ std::unique_ptr<const GaussianBlocks> BlocksOf(const Model& model, std::vector<u
   }
   return std::make_unique<GaussianPlyBlocks>(
       model.gaussians, std::move(indices), model.origin,
-      IsLocal(request) ? PlyCoordinates::kLocal : PlyCoordinates::kWorld);
+      IsLocal(request) ? PlyCoordinates::kLocal : PlyCoordinates::kWorld, std::move(segment_ids));
 }
 
 }  // namespace
@@ -80,6 +83,10 @@ absl::Status ExportGaussiansStream::Open() {
   if (!v1::GaussianFormat_IsValid(request_.format())) {
     return BadField("format", absl::StrCat(static_cast<int>(request_.format())), "no format");
   }
+  if (request_.has_segment_ids() && !IsPly(request_)) {
+    return BadField("segment_ids", v1::GaussianFormat_Name(request_.format()),
+                    "only a PLY has them");
+  }
   // Quotas and memory are taken before anything is sent, so that a refusal is the call's status.
   ASSIGN_OR_RETURN(const bool is_subset, OpenSubset());
   return is_subset ? absl::OkStatus() : OpenModel();
@@ -96,7 +103,7 @@ absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
                    deps_.models.Load(caller_.scenes, request_.model(), "model"));
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> subset,
                    deps_.selections.FindSubset(caller_.scenes, model, request_.subset(), "subset"));
-  if (!subset && IsPly(request_)) return false;
+  if (!subset && IsPly(request_) && !request_.has_segment_ids()) return false;
   RETURN_IF_ERROR(EncodeSubset(std::move(model), subset ? &*subset : nullptr));
   return true;
 }
@@ -108,16 +115,24 @@ absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const Gaus
     return BadField("format", "GLB",
                     absl::StrCat("has ", count, " Gaussians, at most ", kMaxGlbGaussians, " fit"));
   }
-  // The indices and, while an SPZ measures the scene, a float of each Gaussian.
+  // The indices, while an SPZ measures the scene a float of each Gaussian, and the segments' ids.
+  const int64_t num_ids = request_.has_segment_ids() ? of.gaussians.count * kMaxLevels : 0;
   RETURN_IF_ERROR(
-      TakeMemory(model.id.scene, count * static_cast<int64_t>(sizeof(uint32_t) + sizeof(float))));
+      TakeMemory(model.id.scene, count * static_cast<int64_t>(sizeof(uint32_t) + sizeof(float)) +
+                                     num_ids * static_cast<int64_t>(sizeof(int32_t))));
+  SegmentIds segment_ids;
+  if (request_.has_segment_ids()) {
+    RETURN_IF_ERROR(CheckFeatures(model));
+    ASSIGN_OR_RETURN(segment_ids,
+                     FindSegmentIds(*model, request_.segment_ids().scales(), "segment_ids.scales"));
+  }
   std::vector<uint32_t> indices;
   // The size is exact, so the vector takes what was reserved in the budget.
   indices.reserve(static_cast<size_t>(count));
   for (size_t i = 0; i < static_cast<size_t>(of.gaussians.count); ++i) {
     if (subset == nullptr || subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
   }
-  subset_ = BlocksOf(of, std::move(indices), request_);
+  subset_ = BlocksOf(of, std::move(indices), std::move(segment_ids), request_);
   if (LeavesOrigin(request_) && !of.origin.isZero(0)) {
     v1::Vector3& origin = *message_.mutable_header()->mutable_origin();
     origin.set_x(of.origin.x());

@@ -160,6 +160,10 @@ expect 0 pepeseg export shelf "$work/piece.glb" --segment 0:1
 [[ $(head -c 4 "$work/piece.glb") == glTF ]] || fail 'a file named .glb is no glTF'
 expect 0 pepeseg export shelf "$work/piece.SPZ" --segment 0:1
 [[ $(gzip -dc "$work/piece.SPZ" | head -c 4) == NGSP ]] || fail 'a file named .SPZ is no SPZ'
+expect 0 pepeseg export shelf "$work/ids.ply" --segment-ids
+head -c 2000 "$work/ids.ply" | grep -aq '^property int segment_2$' || fail 'a PLY has no ids of segments'
+grep -q '"parent":1' "$work/ids.ply.segments.json" || fail 'the segments of an export have no parents'
+expect 4 pepeseg export shelf "$work/ids.json" --segment-ids --format coco
 expect 0 pepeseg export shelf "$work/odd.glb" --segment 0:1 --format ply
 [[ $(head -c 3 "$work/odd.glb") == ply ]] || fail '--format does not decide'
 expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999

@@ -83,7 +83,7 @@ TEST(Program, RefusesWrongCommandLines) {
 
 TEST(Program, ListsChoicesByName) {
   for (const auto& [arguments, choices] :
-       {std::pair("export shelf out --format nonsense", "ply,coco,yolo,labelme,masks"),
+       {std::pair("export shelf out --format nonsense", "ply,spz,glb,coco,yolo,labelme,masks"),
         {"train shelf --preset nonsense", "preview,standard,best,paper"},
         {"segment shelf --view a -p 1,2 --frame nonsense", "photograph,view"}}) {
     const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");

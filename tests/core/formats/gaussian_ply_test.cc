@@ -111,6 +111,26 @@ TEST(GaussianPlyBlocks, EqualTheFileOfTheChosenGaussians) {
   }
 }
 
+TEST(GaussianPlyBlocks, HaveTheSegmentsOfTheChosenGaussians) {
+  const TempFolder folder;
+  const Gaussians gaussians = RandomGaussians(5, 1);
+  const GaussianPlyBlocks blocks(gaussians, {4, 1}, Eigen::Vector3d::Zero(), PlyCoordinates::kWorld,
+                                 {{10, 11, 12, 13, 14}, {0, 1, 2, 3, 70'000}});
+  const std::string header = blocks.Encode(0), rows = blocks.Encode(1);
+  EXPECT_NE(header.find("property float rot_3\nproperty int segment_0\nproperty int segment_1\n"),
+            std::string::npos);
+  EXPECT_EQ(static_cast<int64_t>(header.size() + rows.size()), blocks.num_bytes());
+  std::vector<int32_t> first(2), second(2);
+  std::memcpy(first.data(), rows.data() + rows.size() / 2 - 8, 8);
+  std::memcpy(second.data(), rows.data() + rows.size() - 8, 8);
+  EXPECT_EQ(first, (std::vector<int32_t>{14, 70'000}));
+  EXPECT_EQ(second, (std::vector<int32_t>{11, 1}));
+  // Readers of splats skip them.
+  ASSERT_OK(WriteFileAtomically(folder / "a.ply", header + rows));
+  ASSERT_OK_AND_ASSIGN(const Gaussians read, ReadGaussianPly(folder / "a.ply", "a.ply"));
+  EXPECT_EQ(read.planes, gaussians.Select(std::vector<int64_t>{4, 1}).planes);
+}
+
 TEST(GaussianPlyBlocks, AreOnlyAHeaderWithoutGaussians) {
   const Gaussians gaussians = RandomGaussians(10, 0);
   const GaussianPlyBlocks blocks(gaussians, {}, Eigen::Vector3d::Zero());

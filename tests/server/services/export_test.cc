@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <fstream>
 #include <utility>
 
@@ -149,6 +150,34 @@ TEST_F(ExportTest, ExportsOtherFormatsOfAllAndOfASegment) {
     EXPECT_TRUE(ply.starts_with(magic));
     EXPECT_LT(ply.size(), whole);
   }
+}
+
+TEST_F(ExportTest, NamesTheSegmentsOfEachGaussian) {
+  const auto id_of = [this](size_t row, size_t rows) {  // the last property
+    const size_t row_bytes = (ply.size() - ply.find("end_header\n") - 11) / rows;
+    int32_t id = 0;
+    std::memcpy(&id, ply.data() + ply.size() - row_bytes * (rows - 1 - row) - sizeof(id),
+                sizeof(id));
+    return id;
+  };
+  SetSegment(1, 2, *request.mutable_subset());
+  request.mutable_segment_ids()->add_scales(0.01);
+  request.mutable_segment_ids()->add_scales(0.5);
+  ASSERT_OK(Export());
+  EXPECT_NE(ply.find("property int segment_1\nend_header\n"), std::string::npos);
+  for (const size_t row : {0, 5'000, 9'999}) EXPECT_EQ(id_of(row, 10'000), 2);
+  EXPECT_EQ(Read().count, 10'000);
+  // All of the model, at the default scales.
+  request.clear_subset();
+  request.mutable_segment_ids()->clear_scales();
+  ASSERT_OK(Export());
+  EXPECT_EQ(header.num_gaussians(), 20'000);
+  EXPECT_NE(ply.find("property int segment_2\nend_header\n"), std::string::npos);
+  request.set_format(v1::GAUSSIAN_FORMAT_SPZ);
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "segment_ids", "only a PLY has them");
+  request.set_format(v1::GAUSSIAN_FORMAT_PLY);
+  request.mutable_segment_ids()->add_scales(2);
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "segment_ids.scales[0]", "not in [0, 1]");
 }
 
 TEST_F(ExportTest, RefusesAFormatThatItDoesNotHave) {

@@ -19,6 +19,13 @@ struct ModelWithoutFeatures : ServiceTest {
     EXPECT_ERROR(status, grpc::FAILED_PRECONDITION,
                  {.reason = "NO_FEATURES", .resource = "scenes/bare/models/1"});
   }
+  grpc::Status Export(const v1::ExportGaussiansRequest& request) {
+    grpc::ClientContext context;
+    const auto stream = running.renders->ExportGaussians(&context, request);
+    for (v1::ExportGaussiansResponse part; stream->Read(&part);) {
+    }
+    return stream->Finish();
+  }
   grpc::Status Render(v1::RenderViewRequest::Content content) {
     v1::RenderViewRequest request;
     request.set_model(kBare);
@@ -46,6 +53,20 @@ TEST_F(ModelWithoutFeatures, ExplainsWhyThereAreNoSegments) {
   v1::DecomposeModelRequest whole;
   whole.set_model(kBare);
   ExpectNoFeatures(Call(&SegmentationStub::DecomposeModel, whole));
+  v1::ExportGaussiansRequest ids;
+  ids.set_model(kBare);
+  ids.mutable_segment_ids();
+  ExpectNoFeatures(Export(ids));
+}
+
+TEST_F(ModelWithoutFeatures, IsExported) {
+  v1::ExportGaussiansRequest request;
+  request.set_model(kBare);
+  for (const auto format :
+       {v1::GAUSSIAN_FORMAT_PLY, v1::GAUSSIAN_FORMAT_SPZ, v1::GAUSSIAN_FORMAT_GLB}) {
+    request.set_format(format);
+    EXPECT_OK(Export(request));
+  }
 }
 
 }  // namespace

@@ -283,6 +283,7 @@ def export(
     without: bool = False,
     origin: str = "local",
     format: str | None = None,
+    segment_ids: bool | Sequence[float] = False,
 ) -> Steps[Export]:
     """Fetches the model, or a subset of it, as a file for splat viewers.
 
@@ -298,6 +299,8 @@ def export(
             an SPZ is always local.
         format: "ply", "spz" or "glb"; None: what the path ends in, else "ply". The axes of the latter
             two are those of glTF: x, -y, -z of the world.
+        segment_ids: add to each Gaussian of a PLY the ids of the segments that it is in, as the int
+            properties segment_0, segment_1, ...; 0: in none. True: of `decompose()`; or its scales.
 
     Raises:
         NotFoundError: no such selection.
@@ -319,6 +322,10 @@ def export(
         coordinates=ORIGINS[origin],
         format=FORMATS[format],
     )
+    if segment_ids is not False:
+        scales = () if segment_ids is True else segment_ids
+        request.segment_ids.scales.extend(scales)
+        request.segment_ids.SetInParent()
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     beside = target.with_name(target.name + ".part")

@@ -245,6 +245,8 @@ class TestDecompose:
             assert client.export(tmp_path / name, first).num_gaussians == first.num_gaussians
             assert (tmp_path / name).read_bytes().startswith(start)
         assert client.export(tmp_path / "odd.glb", first, format="ply").sha256 == written.sha256
+        client.export(tmp_path / "ids.ply", first, segment_ids=first.scales)
+        assert b"property int segment_1\n" in (tmp_path / "ids.ply").read_bytes()[:2000]
         ids_image = client.render(VIEW, content="segments", level=1, scales=first.scales)
         assert ids_image.dtype == np.uint16
         assert set(np.unique(ids_image)) <= ids | {0}
@@ -317,7 +319,7 @@ class TestSelect:
         assert whole.origin == (0, 0, 0)  # not map coordinates: no file with an origin
         with pytest.raises(pepeseg.InvalidArgumentError, match="local, world"):
             client.export(tmp_path / "all.ply", origin="here")
-        with pytest.raises(pepeseg.InvalidArgumentError, match='format "obj": one of ply is wanted'):
+        with pytest.raises(pepeseg.InvalidArgumentError, match='format "obj": one of ply, spz, glb is wanted'):
             first.export(tmp_path / "all.obj", format="obj")
         assert sorted(p.name for p in tmp_path.iterdir()) == ["all.ply", "cup.ply", "rest.ply"]
 

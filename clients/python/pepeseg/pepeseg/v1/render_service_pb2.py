@@ -19,7 +19,7 @@ from pepeseg.v1 import snapshot_pb2 as pepeseg_dot_v1_dot_snapshot__pb2
 from pepeseg.v1 import timing_pb2 as pepeseg_dot_v1_dot_timing__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1fpepeseg/v1/render_service.proto\x12\npepeseg.v1\x1a\x17pepeseg/v1/access.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x19pepeseg/v1/geometry.proto\x1a\x17pepeseg/v1/prompt.proto\x1a\x19pepeseg/v1/snapshot.proto\x1a\x17pepeseg/v1/timing.proto\"b\n\x06Subset\x12\x13\n\tselection\x18\x01 \x01(\tH\x00\x12)\n\x07segment\x18\x02 \x01(\x0b\x32\x16.pepeseg.v1.SegmentRefH\x00\x12\x12\n\ncomplement\x18\x03 \x01(\x08\x42\x04\n\x02of\"\x83\x04\n\x11RenderViewRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12(\n\tviewpoint\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.Viewpoint\x12\x36\n\x07\x63ontent\x18\x03 \x01(\x0e\x32%.pepeseg.v1.RenderViewRequest.Content\x12\"\n\x06subset\x18\x04 \x01(\x0b\x32\x12.pepeseg.v1.Subset\x12\x1c\n\x14\x64\x65\x63omposition_scales\x18\x05 \x03(\x01\x12\r\n\x05level\x18\x06 \x01(\x05\x12\x15\n\rfeature_scale\x18\x07 \x01(\x01\x12-\n\x0coverlay_mask\x18\x08 \x01(\x0b\x32\x15.pepeseg.v1.MaskImageH\x00\x12,\n\x0eoverlay_subset\x18\t \x01(\x0b\x32\x12.pepeseg.v1.SubsetH\x00\x12%\n\x05\x66rame\x18\n \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x10\n\x08max_side\x18\x0b \x01(\x05\"t\n\x07\x43ontent\x12\x17\n\x13\x43ONTENT_UNSPECIFIED\x10\x00\x12\x11\n\rCONTENT_COLOR\x10\x01\x12\x11\n\rCONTENT_DEPTH\x10\x02\x12\x14\n\x10\x43ONTENT_SEGMENTS\x10\x03\x12\x14\n\x10\x43ONTENT_FEATURES\x10\x04\x42\t\n\x07overlay\"\xb4\x01\n\x12RenderViewResponse\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x0b\n\x03png\x18\x03 \x01(\x0c\x12\'\n\x06timing\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x05 \x01(\t\x12\x12\n\ndepth_unit\x18\x06 \x01(\x01\x12&\n\x08snapshot\x18\x07 \x01(\x0b\x32\x14.pepeseg.v1.Snapshot\"\xa5\x01\n\x16\x45xportGaussiansRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06subset\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Subset\x12,\n\x0b\x63oordinates\x18\x03 \x01(\x0e\x32\x17.pepeseg.v1.Coordinates\x12*\n\x06\x66ormat\x18\x04 \x01(\x0e\x32\x1a.pepeseg.v1.GaussianFormat\"\xe8\x01\n\x17\x45xportGaussiansResponse\x12<\n\x06header\x18\x01 \x01(\x0b\x32*.pepeseg.v1.ExportGaussiansResponse.HeaderH\x00\x12\x0f\n\x05\x63hunk\x18\x02 \x01(\x0cH\x00\x1av\n\x06Header\x12\r\n\x05model\x18\x01 \x01(\t\x12\x15\n\rnum_gaussians\x18\x02 \x01(\x03\x12\x11\n\tnum_bytes\x18\x03 \x01(\x03\x12\x0e\n\x06sha256\x18\x04 \x01(\t\x12#\n\x06origin\x18\x05 \x01(\x0b\x32\x13.pepeseg.v1.Vector3B\x06\n\x04part*|\n\x0eGaussianFormat\x12\x1f\n\x1bGAUSSIAN_FORMAT_UNSPECIFIED\x10\x00\x12\x17\n\x13GAUSSIAN_FORMAT_PLY\x10\x01\x12\x17\n\x13GAUSSIAN_FORMAT_SPZ\x10\x02\x12\x17\n\x13GAUSSIAN_FORMAT_GLB\x10\x03*X\n\x0b\x43oordinates\x12\x1b\n\x17\x43OORDINATES_UNSPECIFIED\x10\x00\x12\x15\n\x11\x43OORDINATES_WORLD\x10\x01\x12\x15\n\x11\x43OORDINATES_LOCAL\x10\x02\x32\x9b\x02\n\rRenderService\x12\x88\x01\n\nRenderView\x12\x1d.pepeseg.v1.RenderViewRequest\x1a\x1e.pepeseg.v1.RenderViewResponse\";\x8a\xe2\x18\x37\x08\x01\x12\x05model\x12\x10subset.selection\x12\x18overlay_subset.selection\x18\x03\x12\x7f\n\x0f\x45xportGaussians\x12\".pepeseg.v1.ExportGaussiansRequest\x1a#.pepeseg.v1.ExportGaussiansResponse\"!\x8a\xe2\x18\x1d\x08\x01\x12\x05model\x12\x10subset.selection\x18\x01\x30\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1fpepeseg/v1/render_service.proto\x12\npepeseg.v1\x1a\x17pepeseg/v1/access.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x19pepeseg/v1/geometry.proto\x1a\x17pepeseg/v1/prompt.proto\x1a\x19pepeseg/v1/snapshot.proto\x1a\x17pepeseg/v1/timing.proto\"b\n\x06Subset\x12\x13\n\tselection\x18\x01 \x01(\tH\x00\x12)\n\x07segment\x18\x02 \x01(\x0b\x32\x16.pepeseg.v1.SegmentRefH\x00\x12\x12\n\ncomplement\x18\x03 \x01(\x08\x42\x04\n\x02of\"\x83\x04\n\x11RenderViewRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12(\n\tviewpoint\x18\x02 \x01(\x0b\x32\x15.pepeseg.v1.Viewpoint\x12\x36\n\x07\x63ontent\x18\x03 \x01(\x0e\x32%.pepeseg.v1.RenderViewRequest.Content\x12\"\n\x06subset\x18\x04 \x01(\x0b\x32\x12.pepeseg.v1.Subset\x12\x1c\n\x14\x64\x65\x63omposition_scales\x18\x05 \x03(\x01\x12\r\n\x05level\x18\x06 \x01(\x05\x12\x15\n\rfeature_scale\x18\x07 \x01(\x01\x12-\n\x0coverlay_mask\x18\x08 \x01(\x0b\x32\x15.pepeseg.v1.MaskImageH\x00\x12,\n\x0eoverlay_subset\x18\t \x01(\x0b\x32\x12.pepeseg.v1.SubsetH\x00\x12%\n\x05\x66rame\x18\n \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x10\n\x08max_side\x18\x0b \x01(\x05\"t\n\x07\x43ontent\x12\x17\n\x13\x43ONTENT_UNSPECIFIED\x10\x00\x12\x11\n\rCONTENT_COLOR\x10\x01\x12\x11\n\rCONTENT_DEPTH\x10\x02\x12\x14\n\x10\x43ONTENT_SEGMENTS\x10\x03\x12\x14\n\x10\x43ONTENT_FEATURES\x10\x04\x42\t\n\x07overlay\"\xb4\x01\n\x12RenderViewResponse\x12\r\n\x05width\x18\x01 \x01(\x05\x12\x0e\n\x06height\x18\x02 \x01(\x05\x12\x0b\n\x03png\x18\x03 \x01(\x0c\x12\'\n\x06timing\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.QueryTiming\x12\r\n\x05model\x18\x05 \x01(\t\x12\x12\n\ndepth_unit\x18\x06 \x01(\x01\x12&\n\x08snapshot\x18\x07 \x01(\x0b\x32\x14.pepeseg.v1.Snapshot\"\x87\x02\n\x16\x45xportGaussiansRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12\"\n\x06subset\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.Subset\x12,\n\x0b\x63oordinates\x18\x03 \x01(\x0e\x32\x17.pepeseg.v1.Coordinates\x12*\n\x06\x66ormat\x18\x04 \x01(\x0e\x32\x1a.pepeseg.v1.GaussianFormat\x12\x42\n\x0bsegment_ids\x18\x05 \x01(\x0b\x32-.pepeseg.v1.ExportGaussiansRequest.SegmentIds\x1a\x1c\n\nSegmentIds\x12\x0e\n\x06scales\x18\x01 \x03(\x01\"\xe8\x01\n\x17\x45xportGaussiansResponse\x12<\n\x06header\x18\x01 \x01(\x0b\x32*.pepeseg.v1.ExportGaussiansResponse.HeaderH\x00\x12\x0f\n\x05\x63hunk\x18\x02 \x01(\x0cH\x00\x1av\n\x06Header\x12\r\n\x05model\x18\x01 \x01(\t\x12\x15\n\rnum_gaussians\x18\x02 \x01(\x03\x12\x11\n\tnum_bytes\x18\x03 \x01(\x03\x12\x0e\n\x06sha256\x18\x04 \x01(\t\x12#\n\x06origin\x18\x05 \x01(\x0b\x32\x13.pepeseg.v1.Vector3B\x06\n\x04part*|\n\x0eGaussianFormat\x12\x1f\n\x1bGAUSSIAN_FORMAT_UNSPECIFIED\x10\x00\x12\x17\n\x13GAUSSIAN_FORMAT_PLY\x10\x01\x12\x17\n\x13GAUSSIAN_FORMAT_SPZ\x10\x02\x12\x17\n\x13GAUSSIAN_FORMAT_GLB\x10\x03*X\n\x0b\x43oordinates\x12\x1b\n\x17\x43OORDINATES_UNSPECIFIED\x10\x00\x12\x15\n\x11\x43OORDINATES_WORLD\x10\x01\x12\x15\n\x11\x43OORDINATES_LOCAL\x10\x02\x32\x9b\x02\n\rRenderService\x12\x88\x01\n\nRenderView\x12\x1d.pepeseg.v1.RenderViewRequest\x1a\x1e.pepeseg.v1.RenderViewResponse\";\x8a\xe2\x18\x37\x08\x01\x12\x05model\x12\x10subset.selection\x12\x18overlay_subset.selection\x18\x03\x12\x7f\n\x0f\x45xportGaussians\x12\".pepeseg.v1.ExportGaussiansRequest\x1a#.pepeseg.v1.ExportGaussiansResponse\"!\x8a\xe2\x18\x1d\x08\x01\x12\x05model\x12\x10subset.selection\x18\x01\x30\x01\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.render_service_pb2', globals())
@@ -30,10 +30,10 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _RENDERSERVICE.methods_by_name['RenderView']._serialized_options = b'\212\342\0307\010\001\022\005model\022\020subset.selection\022\030overlay_subset.selection\030\003'
   _RENDERSERVICE.methods_by_name['ExportGaussians']._options = None
   _RENDERSERVICE.methods_by_name['ExportGaussians']._serialized_options = b'\212\342\030\035\010\001\022\005model\022\020subset.selection\030\001'
-  _GAUSSIANFORMAT._serialized_start=1412
-  _GAUSSIANFORMAT._serialized_end=1536
-  _COORDINATES._serialized_start=1538
-  _COORDINATES._serialized_end=1626
+  _GAUSSIANFORMAT._serialized_start=1510
+  _GAUSSIANFORMAT._serialized_end=1634
+  _COORDINATES._serialized_start=1636
+  _COORDINATES._serialized_end=1724
   _SUBSET._serialized_start=208
   _SUBSET._serialized_end=306
   _RENDERVIEWREQUEST._serialized_start=309
@@ -43,11 +43,13 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _RENDERVIEWRESPONSE._serialized_start=827
   _RENDERVIEWRESPONSE._serialized_end=1007
   _EXPORTGAUSSIANSREQUEST._serialized_start=1010
-  _EXPORTGAUSSIANSREQUEST._serialized_end=1175
-  _EXPORTGAUSSIANSRESPONSE._serialized_start=1178
-  _EXPORTGAUSSIANSRESPONSE._serialized_end=1410
-  _EXPORTGAUSSIANSRESPONSE_HEADER._serialized_start=1284
-  _EXPORTGAUSSIANSRESPONSE_HEADER._serialized_end=1402
-  _RENDERSERVICE._serialized_start=1629
-  _RENDERSERVICE._serialized_end=1912
+  _EXPORTGAUSSIANSREQUEST._serialized_end=1273
+  _EXPORTGAUSSIANSREQUEST_SEGMENTIDS._serialized_start=1245
+  _EXPORTGAUSSIANSREQUEST_SEGMENTIDS._serialized_end=1273
+  _EXPORTGAUSSIANSRESPONSE._serialized_start=1276
+  _EXPORTGAUSSIANSRESPONSE._serialized_end=1508
+  _EXPORTGAUSSIANSRESPONSE_HEADER._serialized_start=1382
+  _EXPORTGAUSSIANSRESPONSE_HEADER._serialized_end=1500
+  _RENDERSERVICE._serialized_start=1727
+  _RENDERSERVICE._serialized_end=2010
 # @@protoc_insertion_point(module_scope)

@@ -20,16 +20,23 @@ GAUSSIAN_FORMAT_SPZ: GaussianFormat
 GAUSSIAN_FORMAT_UNSPECIFIED: GaussianFormat
 
 class ExportGaussiansRequest(_message.Message):
-    __slots__ = ["coordinates", "format", "model", "subset"]
+    __slots__ = ["coordinates", "format", "model", "segment_ids", "subset"]
+    class SegmentIds(_message.Message):
+        __slots__ = ["scales"]
+        SCALES_FIELD_NUMBER: _ClassVar[int]
+        scales: _containers.RepeatedScalarFieldContainer[float]
+        def __init__(self, scales: _Optional[_Iterable[float]] = ...) -> None: ...
     COORDINATES_FIELD_NUMBER: _ClassVar[int]
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
+    SEGMENT_IDS_FIELD_NUMBER: _ClassVar[int]
     SUBSET_FIELD_NUMBER: _ClassVar[int]
     coordinates: Coordinates
     format: GaussianFormat
     model: str
+    segment_ids: ExportGaussiansRequest.SegmentIds
     subset: Subset
-    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., coordinates: _Optional[_Union[Coordinates, str]] = ..., format: _Optional[_Union[GaussianFormat, str]] = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., coordinates: _Optional[_Union[Coordinates, str]] = ..., format: _Optional[_Union[GaussianFormat, str]] = ..., segment_ids: _Optional[_Union[ExportGaussiansRequest.SegmentIds, _Mapping]] = ...) -> None: ...
 
 class ExportGaussiansResponse(_message.Message):
     __slots__ = ["chunk", "header"]
