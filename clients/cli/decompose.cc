@@ -9,10 +9,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/find.h"
 #include "clients/cli/request_flags.h"
+#include "clients/cli/segment_table.h"
 #include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
 #include "clients/cpp/file_bytes.h"
+#include "clients/cpp/mask.h"
+#include "clients/cpp/resource_names.h"
 #include "clients/cpp/status_macros.h"
 #include "clients/terminal/shell.h"
 #include "clients/terminal/view_picture.h"
@@ -54,8 +58,14 @@ struct DecomposeFlags {
   std::string model = "live";
   std::vector<double> scales;
   std::string out;
-  int level = -1;  // level whose segments are written; -1: the middle one
+  int level = -1;     // level whose segments are written; -1: the middle one
+  std::string table;  // file to write
 };
+
+// Returns the text of a label, or its id.
+std::string TextOf(const v1::Label& label) {
+  return label.text().empty() ? label.name().substr(label.name().rfind('/') + 1) : label.text();
+}
 
 // Returns the level to write, or INVALID_ARGUMENT if the decomposition has no such level.
 absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Decomposed& answer) {
@@ -105,6 +115,45 @@ absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const
   return absl::OkStatus();
 }
 
+// Writes the table of all segments. Renders the ids of each level in each view at the size of its
+// photograph.
+absl::Status WriteTable(const Client& client, const DecomposeFlags& flags,
+                        const Decomposed& answer) {
+  SegmentTable table(answer);
+  ASSIGN_OR_RETURN(const v1::ListLabelsResponse listed, client.ListLabels(SceneName(flags.scene)));
+  std::multimap<std::string, v1::Label> labels;  // by view
+  for (const v1::Label& label : listed.labels()) {
+    ASSIGN_OR_RETURN(const v1::Label whole,
+                     client.GetLabel(label.name(), v1::PIXEL_FRAME_PHOTOGRAPH));
+    labels.emplace(label.view(), whole);
+  }
+  v1::RenderViewRequest request;
+  request.set_model(answer.model());
+  request.set_content(v1::RenderViewRequest::CONTENT_SEGMENTS);
+  request.set_frame(v1::PIXEL_FRAME_PHOTOGRAPH);
+  constexpr int kMostSide = 16384;
+  request.set_max_side(kMostSide);
+  for (const auto& level : answer.levels()) {
+    request.add_decomposition_scales(level.scale_quantile());
+  }
+  ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(answer.model()));
+  for (const v1::View& view : views) {
+    request.mutable_viewpoint()->set_view(view.view());
+    for (int level = 0; level < answer.levels_size(); ++level) {
+      request.set_level(level);
+      ASSIGN_OR_RETURN(const v1::RenderViewResponse picture, client.Render(request));
+      ASSIGN_OR_RETURN(const Grey16Picture ids, DecodeGrey16(picture.png(), view.view()));
+      table.CountView(level, ids);
+      const auto [first, last] = labels.equal_range(view.view());
+      for (auto label = first; label != last; ++label) {
+        ASSIGN_OR_RETURN(const Mask mask, DecodeRle(label->second.mask().rle()));
+        table.CompareLabel(TextOf(label->second), level, ids, mask);
+      }
+    }
+  }
+  return WriteFile(flags.table, ToCsv(table.Rows()) + "\n");
+}
+
 absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
   const Client client(shell.channel);
   v1::DecomposeModelRequest request;
@@ -117,6 +166,7 @@ absl::Status RunDecompose(const Shell& shell, const DecomposeFlags& flags) {
   } else {
     for (const std::string& line : SegmentTree(answer)) Print(line);
   }
+  if (!flags.table.empty()) RETURN_IF_ERROR(WriteTable(client, flags, answer));
   if (flags.out.empty()) return absl::OkStatus();
   RETURN_IF_ERROR(WriteSegments(client, flags, answer, level));
   RETURN_IF_ERROR(WriteViews(client, flags, answer, level));
@@ -175,6 +225,11 @@ void AddDecompose(CLI::App& app, Shell& shell) {
   verb->add_option("--level", flags->level,
                    "Level to write, from 0, the finest; by default the middle one")
       ->check(CLI::NonNegativeNumber);
+  verb->add_option(
+      "--table", flags->table,
+      "CSV file for a table of all segments of all levels: level, id, parent, name (of "
+      "a label whose mask it has), Gaussians, views that show it, its pixels in them, "
+      "and its box in scene units");
   verb->callback(
       [flags, &shell] { shell.verb = [&, flags] { return RunDecompose(shell, *flags); }; });
 }

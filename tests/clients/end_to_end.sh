@@ -154,6 +154,11 @@ grep -Eq '^  1:1 +[0-9]+ Gaussians' "$work/output" || fail 'decompose prints no 
 [[ $(od -An -tu1 -j24 -N2 "$work/pieces/frame-000003_ids.png" | tr -s ' ') == ' 16 0' ]] ||
   fail 'decompose writes no ids'
 [[ -s $work/pieces/frame-000003_colors.png ]] || fail 'decompose writes no coloured segments'
+expect 0 pepeseg decompose shelf --table "$work/table.csv"
+[[ $(head -n 1 "$work/table.csv") == level,id,parent,name,gaussians,views,pixels,* ]] ||
+  fail 'the table of segments has other columns'
+awk -F, 'NR > 1 && $5 > 0 && $6 > 0 && $7 > 0 {++seen} END {exit seen < 3}' "$work/table.csv" ||
+  fail 'the table counts no pixels'
 expect 0 pepeseg render shelf --views frame-000003.jpg --segment 0:1 --without --out "$work/rest"
 expect 0 pepeseg export shelf "$work/piece.ply" --segment 0:1
 expect 0 pepeseg export shelf "$work/piece.glb" --segment 0:1
