@@ -10,6 +10,8 @@ import { UploadScreen } from './screens/upload_screen';
 import './styles/base.css';
 import './styles/controls.css';
 import './styles/dialog.css';
+import './styles/panel.css';
+import './styles/photo.css';
 import './styles/screens.css';
 import './styles/workbench.css';
 import { resumeUploads } from './upload/uploads';

@@ -32,6 +32,18 @@ export function goTo(path: string, replace = false): void {
   window.scrollTo(0, 0);
 }
 
+/** Returns the value of a name in the URL's query; undefined without one. */
+export function queryValue(name: string): string | undefined {
+  return new URLSearchParams(location.search).get(name) ?? undefined;
+}
+
+/** Sets a value in the URL's query, without an entry in the browser's history. */
+export function setQueryValue(name: string, value: string): void {
+  const query = new URLSearchParams(location.search);
+  query.set(name, value);
+  history.replaceState(null, '', `${location.pathname}?${query}`);
+}
+
 interface LinkProps {
   to: string;
   class?: string;

@@ -1,26 +1,11 @@
 import type { JSX } from 'preact';
 import { useState } from 'preact/hooks';
+import { recall, remember } from '../remembered';
 import { Icon } from './icons';
 
 /** Returns the name under which the browser remembers that advice was closed. */
 function closedName(about: string): string {
   return `pepeseg-advice-closed-${about}`;
-}
-
-function isClosed(about: string): boolean {
-  try {
-    return localStorage.getItem(closedName(about)) !== null;
-  } catch {
-    return false; // the browser stores nothing for this page
-  }
-}
-
-function rememberClosed(about: string): void {
-  try {
-    localStorage.setItem(closedName(about), '');
-  } catch {
-    // Without a store the advice is back after a reload.
-  }
 }
 
 interface Props {
@@ -32,10 +17,10 @@ interface Props {
 
 /** One line of advice, which can be closed. */
 export function Advice({ about, text }: Props): JSX.Element | null {
-  const [closed, setClosed] = useState(isClosed(about));
+  const [closed, setClosed] = useState(() => recall(closedName(about)) !== undefined);
   if (!text || closed) return null;
   const close = () => {
-    rememberClosed(about);
+    remember(closedName(about), '');
     setClosed(true);
   };
   return (

@@ -82,11 +82,20 @@ interface Props {
   onPick: (view: View) => void;
 }
 
-/** All views of the scene, each with its mask. */
+/** Turns the strip by a wheel that has one direction. */
+function scrollSideways(event: WheelEvent): void {
+  if (event.deltaX !== 0) return;
+  const strip = event.currentTarget as HTMLElement;
+  if (strip.scrollWidth <= strip.clientWidth) return;
+  event.preventDefault();
+  strip.scrollLeft += event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? event.deltaY : event.deltaY * 40;
+}
+
+/** All views of the scene in one row, each with its mask. */
 export function Filmstrip(props: Props): JSX.Element {
   const { views, current, masks, found, photoOf, renderingOf, onPick } = props;
   return (
-    <nav class="filmstrip" aria-label="Views of the scene">
+    <nav class="filmstrip" aria-label="Views of the scene" onWheel={scrollSideways}>
       {views.map((view) => (
         <Thumb
           key={view.view}

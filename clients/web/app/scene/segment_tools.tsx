@@ -10,7 +10,7 @@ import type { Tool } from './photo_view';
 import type { SamClicks } from './segment_views';
 import type { SceneSession } from './session';
 
-const tools: readonly { tool: Tool; name: string; icon: IconName }[] = [
+export const promptTools: readonly { tool: Tool; name: string; icon: IconName }[] = [
   { tool: 'include', name: 'Include', icon: 'plus' },
   { tool: 'exclude', name: 'Exclude', icon: 'minus' },
   { tool: 'box', name: 'Box', icon: 'box' },
@@ -30,7 +30,7 @@ export function PromptTools({ tool, onTool, ...brushing }: ToolsProps): JSX.Elem
   return (
     <>
       <div class="segmented stacked" role="group" aria-label="What a click does">
-        {tools.map(({ tool: other, name, icon }) => (
+        {promptTools.map(({ tool: other, name, icon }) => (
           <button
             key={other}
             type="button"

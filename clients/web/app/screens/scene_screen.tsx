@@ -6,6 +6,9 @@ import { useAsked } from '../api/use_asked';
 import { Advice } from '../components/advice';
 import { FailureNote } from '../components/failure_note';
 import { Header } from '../components/header';
+import type { Layout } from '../scene/layout';
+import { useLayout } from '../scene/layout';
+import { LayoutSwitch } from '../scene/layout_switch';
 import { SceneWorkbench } from '../scene/workbench';
 import { adviceOnModel } from './mask_advice';
 import { SceneWithoutModel } from './scene_without_model';
@@ -17,7 +20,12 @@ async function allViews(model: string, signal: AbortSignal): Promise<View[]> {
   });
 }
 
-function SceneWithModel({ scene }: { scene: Scene }): JSX.Element {
+interface WithModelProps {
+  scene: Scene;
+  layout: Layout;
+}
+
+function SceneWithModel({ scene, layout }: WithModelProps): JSX.Element {
   const views = useAsked((signal) => allViews(scene.liveModel, signal), [scene.liveModel]);
   const model = useAsked(
     (signal) => scenes.getModel({ name: scene.liveModel }, { signal }),
@@ -34,7 +42,7 @@ function SceneWithModel({ scene }: { scene: Scene }): JSX.Element {
   return (
     <>
       <Advice key={scene.liveModel} about={scene.liveModel} text={advice} />
-      <SceneWorkbench scene={scene} views={views.value} />
+      <SceneWorkbench scene={scene} views={views.value} layout={layout} />
     </>
   );
 }
@@ -44,13 +52,16 @@ export function SceneScreen({ sceneId }: { sceneId: string }): JSX.Element {
     (signal) => scenes.getScene({ name: `scenes/${sceneId}` }, { signal }),
     [sceneId],
   );
+  const layout = useLayout();
   const title = scene.value?.displayName || sceneId;
   return (
     <div class="screen wide">
-      <Header title={title} back="/" />
+      <Header title={title} back="/">
+        {scene.value?.liveModel && <LayoutSwitch layout={layout} />}
+      </Header>
       <main>
         <FailureNote failure={scene.failure} again={scene.ask} />
-        {scene.value?.liveModel && <SceneWithModel scene={scene.value} />}
+        {scene.value?.liveModel && <SceneWithModel scene={scene.value} layout={layout} />}
         {scene.value && !scene.value.liveModel && (
           <SceneWithoutModel scene={scene.value} again={scene.ask} />
         )}

@@ -24,10 +24,20 @@ export function poseOf(view: View): Pose | undefined {
   return { position, rotation: worldFromCam.multiply(flip) };
 }
 
-/** Vertical field of view, degrees. */
-export function fieldOfView(view: View): number {
-  const { height = 1, fy = 1 } = view.camera ?? {};
-  return (2 * Math.atan(height / (2 * fy)) * 180) / Math.PI;
+/** Halves of what a camera sees at a distance of 1. */
+export interface Lens {
+  readonly across: number;
+  readonly up: number;
+}
+
+export function lensOf(view: View): Lens {
+  const { width = 1, height = 1, fx = 1, fy = 1 } = view.camera ?? {};
+  return { across: width / (2 * fx), up: height / (2 * fy) };
+}
+
+/** Returns the vertical field of view, degrees, at which all that a lens sees fits into a picture. */
+export function fieldOfView({ across, up }: Lens, aspect: number): number {
+  return (2 * Math.atan(Math.max(up, across / aspect)) * 180) / Math.PI;
 }
 
 export function upOf(poses: readonly Pose[]): Vector3 {

@@ -4,8 +4,8 @@ import { Color, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import type { FreeCamera } from '../scene/prompt';
-import type { Pose } from './camera';
-import { fieldOfView, focusOf, freeCameraOf, poseOf, upOf } from './camera';
+import type { Lens, Pose } from './camera';
+import { fieldOfView, focusOf, freeCameraOf, lensOf, poseOf, upOf } from './camera';
 
 export interface SplatPart {
   readonly url: string;
@@ -33,6 +33,7 @@ export class SplatViewer {
   private meshes: SplatMesh[] = [];
   private loading = new AbortController();
   private drawing = 0;
+  private lens: Lens = { across: 0.5, up: 0.5 };
 
   /**
    * Turns about the point that the views look at, upright as they are; begins at the first view.
@@ -94,8 +95,8 @@ export class SplatViewer {
     this.controls.target
       .copy(pose.position)
       .addScaledVector(ahead, toTarget > 0.05 ? toTarget : distance);
-    this.camera.fov = fieldOfView(view);
-    this.camera.updateProjectionMatrix();
+    this.lens = lensOf(view);
+    this.fit();
     this.controls.update();
     this.changed();
   }
@@ -140,6 +141,12 @@ export class SplatViewer {
     this.controls.target.copy(first.position).addScaledVector(ahead, distance);
   }
 
+  /** Shows all that the view's camera sees, whatever the shape of the pane. */
+  private fit(): void {
+    this.camera.fov = fieldOfView(this.lens, this.camera.aspect);
+    this.camera.updateProjectionMatrix();
+  }
+
   private changed(): void {
     this.moved();
     this.draw();
@@ -149,14 +156,17 @@ export class SplatViewer {
     const { clientWidth, clientHeight } = this.canvas;
     if (clientWidth === 0 || clientHeight === 0) return;
     this.camera.aspect = clientWidth / clientHeight;
-    this.camera.updateProjectionMatrix();
+    this.fit();
     this.renderer.setSize(clientWidth, clientHeight, false);
     this.changed();
   }
 
-  /** Requests one new picture for all changes before it; without changes nothing is drawn. */
+  /**
+   * Requests one new picture for all changes before it; without changes, and while the pane is hidden,
+   * nothing is drawn.
+   */
   private draw(): void {
-    if (this.drawing) return;
+    if (this.drawing || this.canvas.clientWidth === 0) return;
     this.drawing = requestAnimationFrame(() => {
       this.drawing = 0;
       this.renderer.render(this.scene, this.camera);

@@ -10,6 +10,12 @@ export function screenshot(page: Page, name: string): Promise<Buffer> {
   return page.screenshot({ path: join(artefacts, `${name}.png`), animations: 'disabled' });
 }
 
+/** Checks that axe-core finds nothing at all. */
+export async function noFindings(page: Page): Promise<void> {
+  const { violations } = await new AxeBuilder({ page }).analyze();
+  expect(violations.map(({ id, nodes }) => `${id}: ${nodes[0]?.html.slice(0, 120)}`)).toEqual([]);
+}
+
 async function noSeriousFindings(page: Page): Promise<void> {
   const { violations } = await new AxeBuilder({ page }).analyze();
   const serious = violations.filter(({ impact }) => impact === 'serious' || impact === 'critical');
@@ -124,6 +130,25 @@ export async function clickView(
   if (shift) await page.keyboard.down('Shift');
   await page.mouse.click(edges.x + x * edges.width, edges.y + y * edges.height);
   if (shift) await page.keyboard.up('Shift');
+}
+
+/**
+ * Returns the position in the 3D view of what the photograph shows at shares of its width and height. The
+ * 3D view has the first view's camera, and shows all of the photograph as large as fits.
+ */
+export async function placeIn3d(
+  page: Page,
+  [x, y]: readonly [number, number],
+): Promise<{ x: number; y: number }> {
+  const picture = await page.locator('.picture').boundingBox();
+  const pane = await page.locator('.splats').boundingBox();
+  if (!picture || !pane) throw new Error('no view and 3D view on the screen');
+  const ratio = picture.width / picture.height;
+  const width = Math.min(pane.width, pane.height * ratio);
+  return {
+    x: pane.x + pane.width / 2 + (x - 0.5) * width,
+    y: pane.y + pane.height / 2 + ((y - 0.5) * width) / ratio,
+  };
 }
 
 /** Draws a box from one corner to the other, in shares of the view's width and height. */

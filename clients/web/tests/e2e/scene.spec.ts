@@ -4,6 +4,7 @@ import { fromBinary, toBinary } from '@bufbuild/protobuf';
 import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
 import { testExports } from './export_tests';
+import { testLayout } from './layout_tests';
 import {
   answersPerSecond,
   chooseSize,
@@ -14,6 +15,7 @@ import {
   numSizes,
   overlayIou,
   photographsShown,
+  placeIn3d,
   picturesOf,
   screenshot,
   settled,
@@ -270,6 +272,8 @@ test('Esc in the name field ends the segment', async () => {
   await expect(field).toHaveValue('');
 });
 
+testLayout(() => ({ page }));
+
 testExports(() => ({ stack, context, page, namedAreas }));
 
 test('pixels are the photograph’s after a training at half its size', async () => {
@@ -319,13 +323,8 @@ test('a click in 3D segments what is seen there', async () => {
   const splats = page.locator('.splats[data-status=ready]');
   await expect(splats).toBeVisible({ timeout: 60_000 });
   const truth = await truthOf(page, view, book);
-  const edges = await splats.boundingBox();
-  if (!edges) throw new Error('no 3D view');
-  // The 3D view has the first view's camera and shape.
-  await page.mouse.click(
-    edges.x + truth.inside[0] * edges.width,
-    edges.y + truth.inside[1] * edges.height,
-  );
+  const at = await placeIn3d(page, truth.inside);
+  await page.mouse.click(at.x, at.y);
   const overlay = page.locator('.splats .overlay').first();
   await expect(overlay).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });
   await expect(page.locator('.picture')).not.toHaveAttribute('data-area', '0', { timeout: 30_000 });

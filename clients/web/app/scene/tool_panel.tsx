@@ -1,0 +1,82 @@
+// The side panel of a scene: the tools of a prompt, what was found, the things and the downloads.
+import type { JSX } from 'preact';
+import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { FailureNote } from '../components/failure_note';
+import { useStore } from '../store';
+import type { Brush } from './brush';
+import { describeAnswer } from './describe_answer';
+import { DownloadTools } from './download_tools';
+import { FindTools } from './find_tools';
+import type { SceneFinder } from './finder';
+import { LabelTools } from './label_tools';
+import type { SceneLabels } from './labels';
+import type { Tool } from './photo_view';
+import { sizeOf } from './prompt';
+import { GranularityTools, PromptButtons, PromptTools } from './segment_tools';
+import { SelectionTools } from './selection_tools';
+import type { SceneSelections } from './selections';
+import type { SceneSession } from './session';
+import { HelpButton, ToolRail } from './tool_rail';
+
+interface Props {
+  sceneId: string;
+  session: SceneSession;
+  selections: SceneSelections;
+  labels: SceneLabels;
+  finder: SceneFinder;
+  views: readonly View[];
+  /** The shown view. */
+  view: View;
+  tool: Tool;
+  onTool: (tool: Tool) => void;
+  brush: Brush;
+  onBrush: (brush: Brush) => void;
+  /** Whether the server has SAM. */
+  hasSam: boolean;
+  isOpen: boolean;
+  photoOf: (view: View) => string;
+  onHelp: () => void;
+}
+
+type SegmentProps = Omit<Props, 'sceneId' | 'selections' | 'labels' | 'finder' | 'isOpen'>;
+
+function SegmentSection(props: SegmentProps): JSX.Element {
+  const { session, view, hasSam, onHelp } = props;
+  const state = useStore(session.state);
+  const { prompt, failure, busy, looking } = state;
+  return (
+    <section aria-labelledby="segment-title">
+      <div class="row">
+        <h2 id="segment-title">Segment</h2>
+        <span class="spacer" />
+        <PromptButtons session={session} />
+        <HelpButton onHelp={onHelp} />
+      </div>
+      <PromptTools {...props} viewWidth={sizeOf(view).width} />
+      <p class={`quiet ${prompt ? 'said' : ''}`} role="status" aria-busy={busy || looking}>
+        {prompt
+          ? describeAnswer(state, view.view, session.views)
+          : 'Click a thing in the view or in 3D.'}
+      </p>
+      <FailureNote failure={failure} close={() => session.closeFailure()} />
+      <GranularityTools session={session} hasSam={hasSam} />
+    </section>
+  );
+}
+
+/** Folded it is a rail of buttons; the sections stay, with their texts and running downloads. */
+export function ToolPanel(props: Props): JSX.Element {
+  const { isOpen, session, selections, labels, view } = props;
+  return (
+    <aside id="tools" class="tools" aria-label="Tools">
+      {!isOpen && <ToolRail {...props} />}
+      <div class="sections" hidden={!isOpen}>
+        <SegmentSection {...props} />
+        <FindTools {...props} />
+        <LabelTools session={session} labels={labels} shownView={view.view} />
+        <SelectionTools session={session} selections={selections} />
+        <DownloadTools {...props} />
+      </div>
+    </aside>
+  );
+}
