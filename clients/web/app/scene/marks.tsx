@@ -10,34 +10,47 @@ export interface Spot {
   readonly y: number;
 }
 
-function Dot({ x, y, negative }: Spot & { negative: boolean }): JSX.Element {
+/** How large marks are, whose size on the screen does not change with the zoom. */
+export interface MarkScale {
+  /** Units of the drawing for each pixel of the photograph. */
+  unit: number;
+  /** Units of the drawing for each pixel of the screen. */
+  mark: number;
+}
+
+type DotProps = Spot & { negative: boolean; mark: number };
+
+function Dot({ x, y, negative, mark }: DotProps): JSX.Element {
   return (
-    <g class={negative ? 'mark negative' : 'mark'}>
-      <circle cx={x} cy={y} r="7" />
-      <path d={negative ? `M${x - 3.5} ${y}h7` : `M${x - 3.5} ${y}h7M${x} ${y - 3.5}v7`} />
+    <g
+      class={negative ? 'mark negative' : 'mark'}
+      transform={`translate(${x} ${y}) scale(${mark})`}
+    >
+      <circle r="7" />
+      <path d={negative ? 'M-3.5 0h7' : 'M-3.5 0h7M0 -3.5v7'} />
     </g>
   );
 }
 
-interface StrokeProps {
+interface StrokeProps extends MarkScale {
   stroke: Stroke;
-  unit: number;
 }
 
 /** A stroke as wide as it is sent, with a line along its middle: dashed for what is not meant. */
-function StrokeMark({ stroke: { path, negative, width }, unit }: StrokeProps): JSX.Element {
-  const corners = path.map(({ x, y }) => `${(x * unit).toFixed(1)} ${(y * unit).toFixed(1)}`);
+function StrokeMark({ stroke, unit, mark }: StrokeProps): JSX.Element {
+  const { path, negative, width } = stroke;
+  const corners = path.map(({ x, y }) => `${(x * unit).toFixed(2)} ${(y * unit).toFixed(2)}`);
   // A line of no length is a dot, if its ends are round.
   const d = corners.length === 1 ? `M${corners[0]}h0` : `M${corners.join('L')}`;
   return (
     <g class={negative ? 'stroke negative' : 'stroke'}>
-      <path class="band" d={d} style={{ strokeWidth: Math.max(width * unit, 4) }} />
+      <path class="band" d={d} style={{ strokeWidth: Math.max(width * unit, 4 * mark) }} />
       <path class="middle" d={d} />
     </g>
   );
 }
 
-interface Props {
+interface Props extends MarkScale {
   prompt: Prompt | undefined;
   /** The box that is being drawn. */
   box: Box | undefined;
@@ -46,12 +59,10 @@ interface Props {
   cursor: Spot | undefined;
   /** Width of the brush at the cursor, pixels of the photograph; undefined: no brush. */
   brushWidth: number | undefined;
-  /** Units of the drawing for each pixel of the photograph. */
-  unit: number;
 }
 
 export function Marks({ prompt, box: drawn, stroke, cursor: at, ...rest }: Props): JSX.Element {
-  const { brushWidth, unit } = rest;
+  const { brushWidth, unit, mark } = rest;
   const scaled = ({ x, y }: Spot) => ({ x: x * unit, y: y * unit });
   const points = prompt?.kind === 'points' ? prompt.points : [];
   const strokes = prompt?.kind === 'scribbles' ? prompt.strokes : [];
@@ -63,22 +74,33 @@ export function Marks({ prompt, box: drawn, stroke, cursor: at, ...rest }: Props
       {[...strokes, ...(stroke ? [stroke] : [])].map((each, i) => {
         const [dot] = each.path;
         return each.width === 0 && each.path.length === 1 && dot ? (
-          <Dot key={i} {...scaled(dot)} negative={each.negative} />
+          <Dot key={i} {...scaled(dot)} negative={each.negative} mark={mark} />
         ) : (
-          <StrokeMark key={i} stroke={each} unit={unit} />
+          <StrokeMark key={i} stroke={each} unit={unit} mark={mark} />
         );
       })}
       {points.map((point) => (
-        <Dot key={`${point.x},${point.y}`} {...scaled(point)} negative={point.negative} />
+        <Dot
+          key={`${point.x},${point.y}`}
+          {...scaled(point)}
+          negative={point.negative}
+          mark={mark}
+        />
       ))}
       {box && <rect class="mark-box" {...box} />}
       {cursor && brushWidth !== undefined && (
-        <circle class="brush" cx={cursor.x} cy={cursor.y} r={Math.max(brushWidth * unit, 4) / 2} />
+        <circle
+          class="brush"
+          cx={cursor.x}
+          cy={cursor.y}
+          r={Math.max(brushWidth * unit, 4 * mark) / 2}
+        />
       )}
       {cursor && brushWidth === undefined && (
         <path
           class="cursor"
-          d={`M${cursor.x - 14} ${cursor.y}h28M${cursor.x} ${cursor.y - 14}v28`}
+          transform={`translate(${cursor.x} ${cursor.y}) scale(${mark})`}
+          d="M-14 0h28M0 -14v28"
         />
       )}
     </>

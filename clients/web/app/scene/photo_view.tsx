@@ -9,10 +9,13 @@ import { middleOf } from '../mask/rle';
 import type { Mask } from './answer';
 import type { Brush } from './brush';
 import { continued, strokeWidth } from './brush';
-import type { Spot } from './marks';
+import type { MarkScale, Spot } from './marks';
 import { Marks, drawingWidth } from './marks';
 import type { Box, Point, Prompt, Stroke } from './prompt';
 import { sizeOf } from './prompt';
+import { useShortcuts } from './shortcuts';
+import { useZoom } from './use_zoom';
+import { ZoomButtons } from './zoom_buttons';
 
 export type Source = 'photo' | 'rendering';
 export type Tool = 'include' | 'exclude' | 'box' | 'brush';
@@ -67,7 +70,11 @@ function boxOf(a: Spot, b: Spot): Box {
 }
 
 /** The numbers of found things on their masks. */
-function Numbers({ found, unit }: { found: readonly FoundMask[]; unit: number }): JSX.Element {
+function Numbers({
+  found,
+  unit,
+  mark,
+}: { found: readonly FoundMask[] } & MarkScale): JSX.Element {
   const placed = useMemo(
     () => found.map(({ number, rle }) => ({ number, at: middleOf(rle) })),
     [found],
@@ -75,9 +82,9 @@ function Numbers({ found, unit }: { found: readonly FoundMask[]; unit: number })
   return (
     <>
       {placed.map(({ number, at: { x, y } }) => (
-        <text key={number} class="found-number" x={x * unit} y={y * unit}>
-          {number}
-        </text>
+        <g key={number} transform={`translate(${x * unit} ${y * unit}) scale(${mark})`}>
+          <text class="found-number">{number}</text>
+        </g>
       ))}
     </>
   );
@@ -119,14 +126,6 @@ export function PhotoView(props: Props): JSX.Element {
     else paintLayers(canvas.current, found);
   }, [mask, found]);
 
-  const spotOf = (event: PointerEvent): Spot => {
-    const edges = (event.currentTarget as Element).getBoundingClientRect();
-    const clamp = (value: number, end: number) => Math.min(Math.max(value, 0), end - 0.01);
-    return {
-      x: clamp(((event.clientX - edges.left) / edges.width) * width, width),
-      y: clamp(((event.clientY - edges.top) / edges.height) * height, height),
-    };
-  };
   const isDrag = ({ clientX, clientY }: PointerEvent) => {
     const from = pressed.current;
     return !!from && Math.hypot(clientX - from.screenX, clientY - from.screenY) > clickSlack;
@@ -142,6 +141,9 @@ export function PhotoView(props: Props): JSX.Element {
     setBox(undefined);
     setStroke(undefined);
   };
+  const zooming = useZoom({ width, height }, view.view, drop);
+  const { zoom, placed, spotOf } = zooming;
+  const mark = drawingWidth / Math.max(placed.width, 1);
   const finish = () => {
     if (stroke) onStroke(stroke);
     drop();
@@ -160,7 +162,7 @@ export function PhotoView(props: Props): JSX.Element {
     const spot = spotOf(event);
     if (isBrush && event.pointerType !== 'touch') setHover(spot);
     if (!pressed.current) return;
-    if (isBrush) setStroke((begun) => begun && continued(begun, spot, width));
+    if (isBrush) setStroke((begun) => begun && continued(begun, spot, width / zoom.scale));
     else if (isDrag(event)) setBox(boxOf(pressed.current, spot));
   };
   const release = (event: PointerEvent) => {
@@ -186,11 +188,12 @@ export function PhotoView(props: Props): JSX.Element {
     const at = cursor ?? { x: width / 2, y: height / 2 };
     const arrow = arrows[event.key];
     if (arrow) {
-      const step = (event.shiftKey ? keyStep * 5 : keyStep) / unit;
+      const step = (event.shiftKey ? keyStep * 5 : keyStep) / unit / zoom.scale;
       const x = Math.min(Math.max(at.x + arrow[0] * step, 0), width - 1);
       const y = Math.min(Math.max(at.y + arrow[1] * step, 0), height - 1);
       setCursor({ x, y });
-      setStroke((begun) => begun && continued(begun, { x, y }, width));
+      zooming.reveal({ x, y });
+      setStroke((begun) => begun && continued(begun, { x, y }, width / zoom.scale));
     } else if (event.key === 'Enter') {
       enter(at, event.shiftKey);
     } else if (event.key === 'Escape' && stroke) {
@@ -202,16 +205,35 @@ export function PhotoView(props: Props): JSX.Element {
     event.stopPropagation();
   };
   useEffect(drop, [view.view, tool]);
+  const zoomIn = () => zooming.step(1, cursor);
+  useShortcuts({
+    '+': zoomIn,
+    '=': zoomIn, // the key of the plus sign without Shift
+    '-': () => zooming.step(-1, cursor),
+    '0': zooming.fit,
+  });
+  const classes = ['picture'];
+  if (tool === 'box' || isBrush) classes.push('drawing');
+  if (isBrush) classes.push('brushing');
+  if (zooming.isPanning) classes.push('panning');
+  if (zoom.scale > 4) classes.push('pixelated');
 
   return (
-    <div class="stage">
+    <div class="stage" ref={zooming.stage} {...zooming.handlers}>
       <div
-        class={`picture ${tool === 'box' || isBrush ? 'drawing' : ''} ${isBrush ? 'brushing' : ''}`}
+        class={classes.join(' ')}
+        style={{
+          left: `${placed.left}px`,
+          top: `${placed.top}px`,
+          width: `${placed.width}px`,
+          height: `${placed.height}px`,
+        }}
         role="application"
         tabIndex={0}
         aria-label={`View ${view.view}. Arrow keys move a cursor, ${isBrush ? enterDraws : enterClicks}`}
         data-view={view.view}
         data-answers={numAnswers}
+        data-zoom={zoom.scale.toFixed(2)}
         data-area={mask?.area ?? 0}
         data-found={mask ? 0 : found.length}
         onPointerDown={press}
@@ -243,7 +265,7 @@ export function PhotoView(props: Props): JSX.Element {
           viewBox={`0 0 ${drawingWidth} ${height * unit}`}
           aria-hidden="true"
         >
-          {!mask && <Numbers found={found} unit={unit} />}
+          {!mask && <Numbers found={found} unit={unit} mark={mark} />}
           <Marks
             prompt={prompt}
             box={box}
@@ -251,6 +273,7 @@ export function PhotoView(props: Props): JSX.Element {
             cursor={cursor ?? (isBrush ? hover : undefined)}
             brushWidth={isBrush ? brushWidth : undefined}
             unit={unit}
+            mark={mark}
           />
         </svg>
         {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
@@ -260,6 +283,11 @@ export function PhotoView(props: Props): JSX.Element {
           Arrow keys draw. Enter ends the stroke, Esc drops it.
         </p>
       )}
+      <ZoomButtons
+        scale={zoom.scale}
+        onStep={(steps) => zooming.step(steps, cursor)}
+        onFit={zooming.fit}
+      />
       {hasPhoto && (
         <button
           type="button"

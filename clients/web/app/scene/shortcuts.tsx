@@ -39,6 +39,8 @@ const list: readonly (readonly [string, string])[] = [
   ['X, < and >', 'Brush: what is meant or not, thinner and wider'],
   [', and .', 'Next smaller, next larger size'],
   ['1, 2, 3', 'Photograph, both, 3D'],
+  ['Wheel, + and -', 'Zoom in the photograph; 0 shows all of it'],
+  ['Drag with Space or the middle button', 'Move the zoomed photograph; two fingers on a touch screen'],
   ['P', 'Fold or open the side panel'],
   ['[ and ]', 'View before, next view'],
   ['V', 'Photograph or rendering'],
