@@ -15,6 +15,8 @@ const paths = {
   brush: 'M5 19c3 1 6 0 6-3a3 3 0 00-6 0c0 1.500-1 2-2 2M10.500 13.500L20 4M13 16l-2-4',
   search: 'M11 4a7 7 0 100 14 7 7 0 000-14zM16 16l4 4',
   minus: 'M6 12h12',
+  home: 'M4 11l8-7 8 7M6 10v9h12v-9',
+  camera: 'M4 8h4l2-3h4l2 3h4v11H4zM12 10a3 3 0 100 6 3 3 0 000-6z',
   both: 'M4 5h16v14H4zM12 5v14',
   panel: 'M4 5h16v14H4zM15 5v14',
   warn: 'M12 4l9 16H3zM12 10v4M12 17v.01',

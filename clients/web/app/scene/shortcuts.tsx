@@ -41,6 +41,8 @@ const list: readonly (readonly [string, string])[] = [
   ['1, 2, 3', 'Photograph, both, 3D'],
   ['Wheel, + and -', 'Zoom in the photograph; 0 shows all of it'],
   ['Drag with Space or the middle button', 'Move the zoomed photograph; two fingers on a touch screen'],
+  ['H, B', '3D: all of the scene, back to the photograph’s camera'],
+  ['Double click in 3D', 'Turn about what is there'],
   ['P', 'Fold or open the side panel'],
   ['[ and ]', 'View before, next view'],
   ['V', 'Photograph or rendering'],

@@ -1,8 +1,9 @@
-// The 3D view of a scene: dragging turns it, a click segments.
+// The 3D view of a scene: dragging turns it, a click segments, a double click sets what it turns about.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { plyUrl } from '../api/clients';
+import { Icon } from '../components/icons';
 import { MissNote } from '../components/miss_note';
 import { paintMask } from '../mask/paint';
 import type { SplatPart, SplatViewer } from '../viewer/splat_viewer';
@@ -11,6 +12,7 @@ import type { Miss } from './miss';
 import type { Tool } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
 import type { Showing } from './selections';
+import { useShortcuts } from './shortcuts';
 
 interface Props {
   model: string;
@@ -25,7 +27,14 @@ interface Props {
   selection: string | undefined;
   showing: Showing;
   onPoint: (camera: FreeCamera, point: Point) => void;
+  /** Takes back the prompt of the last click, which was the first one of a double click. */
+  onTakeBack: () => void;
 }
+
+/** The second click of a double click comes within this time, milliseconds, */
+const doubleTime = 350;
+/** and this near to the first one, pixels of the screen. */
+const doubleSlack = 6;
 
 export function partsOf(
   model: string,
@@ -105,10 +114,11 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
 }
 
 export function SplatPane(props: Props): JSX.Element {
-  const { mask, prompt, miss, tool, onPoint } = props;
+  const { view, mask, prompt, miss, tool, onPoint, onTakeBack } = props;
   const overlay = useRef<HTMLCanvasElement>(null);
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
+  const clicked = useRef<{ x: number; y: number; time: number } | undefined>(undefined);
   const [stale, setStale] = useState(false);
   const { canvas, viewer, status, shown } = useViewer(props, () => {
     asked.current = undefined;
@@ -144,8 +154,20 @@ export function SplatPane(props: Props): JSX.Element {
     pressed.current = undefined;
     if (!from || Math.hypot(event.clientX - from.x, event.clientY - from.y) > 4) return;
     const edges = (event.currentTarget as Element).getBoundingClientRect();
-    ask((from.x - edges.left) / edges.width, (from.y - edges.top) / edges.height, event.shiftKey);
+    const [x, y] = [(from.x - edges.left) / edges.width, (from.y - edges.top) / edges.height];
+    const first = clicked.current;
+    const isDouble =
+      first !== undefined &&
+      event.timeStamp - first.time < doubleTime &&
+      Math.hypot(from.x - first.x, from.y - first.y) < doubleSlack;
+    clicked.current = isDouble ? undefined : { ...from, time: event.timeStamp };
+    if (!isDouble) return ask(x, y, event.shiftKey);
+    onTakeBack();
+    viewer.current?.pivotAt(x, y);
   };
+  const home = () => viewer.current?.home();
+  const backToView = () => viewer.current?.goTo(view);
+  useShortcuts({ h: home, b: backToView });
   const key = (event: KeyboardEvent) => {
     const turn = turns[event.key];
     if (turn) viewer.current?.turn(...turn);
@@ -187,6 +209,14 @@ export function SplatPane(props: Props): JSX.Element {
       {miss && 'camera' in miss.place && isShown(miss.place.camera) && (
         <MissNote x={miss.x / miss.place.camera.width} y={miss.y / miss.place.camera.height} />
       )}
+      <div class="pane-buttons right">
+        <button type="button" title="All of the scene (H)" onClick={home}>
+          <Icon name="home" /> Home
+        </button>
+        <button type="button" title="Back to the photograph’s camera (B)" onClick={backToView}>
+          <Icon name="camera" /> This view
+        </button>
+      </div>
       {status === 'loading' && (
         <p class="pane-note" role="status">
           Loading the model …

@@ -17,6 +17,7 @@ import type { Layout } from './layout';
 import { panesOn } from './layout';
 import type { FoundMask, Source, Tool } from './photo_view';
 import { PhotoView } from './photo_view';
+import type { FreeCamera, Point, Prompt } from './prompt';
 import { placeOf, samePlace, sizeOf } from './prompt';
 import { selectWith } from './selection_tools';
 import { SceneSelections } from './selections';
@@ -96,6 +97,8 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
   const [brush, setBrush] = useState(firstBrush);
   const [source, setSource] = useState<Source>('photo');
   const [help, setHelp] = useState(false);
+  /** The prompt of the last click in 3D. */
+  const promptIn3d = useRef<Prompt | undefined>(undefined);
   const narrow = useNarrow();
   const panes = panesOn(narrow, layout.panes);
   const isPanelOpen = narrow || layout.isPanelOpen;
@@ -135,6 +138,17 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
   const focusField = (id: string) => {
     layout.openPanel(true);
     requestAnimationFrame(() => document.getElementById(id)?.focus());
+  };
+  const addPointIn3d = (camera: FreeCamera, point: Point) => {
+    const before = session.state.get().prompt;
+    session.addPoint({ camera }, point);
+    const { prompt: now } = session.state.get();
+    promptIn3d.current = now === before ? undefined : now;
+  };
+  const takeBackIn3d = () => {
+    const { prompt: now } = session.state.get();
+    // A click that hit nothing took itself back.
+    if (now && now === promptIn3d.current) session.undo();
   };
   useShortcuts({
     '?': () => setHelp(true),
@@ -207,7 +221,8 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
                 tool={tool}
                 selection={selection?.name}
                 showing={showing}
-                onPoint={(camera, point) => session.addPoint({ camera }, point)}
+                onPoint={addPointIn3d}
+                onTakeBack={takeBackIn3d}
               />
             )}
           </div>

@@ -1,11 +1,21 @@
 // The 3D view: the exported PLY, drawn by Spark on three.js.
 import { SparkRenderer, SplatFileType, SplatMesh } from '@sparkjsdev/spark';
-import { Color, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from 'three';
+import {
+  Color,
+  PerspectiveCamera,
+  Raycaster,
+  Scene,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import type { FreeCamera } from '../scene/prompt';
 import type { Lens, Pose } from './camera';
 import { fieldOfView, focusOf, freeCameraOf, lensOf, poseOf, upOf } from './camera';
+import type { Reach, Sphere } from './reach';
+import { keepWithin, reachOf, sphereOf } from './reach';
 
 export interface SplatPart {
   readonly url: string;
@@ -14,7 +24,23 @@ export interface SplatPart {
 
 /** Maximum height of the pictures that are segmented, pixels; smaller screens use their own. */
 const maxPictureHeight = 720;
+/** Maximum number of Gaussians by which the scene's size is estimated. */
+const maxSampled = 20_000;
+/** What is seen of the whole scene: about 50 degrees. */
+const homeLens: Lens = { across: 0.47, up: 0.47 };
 const tint = new Color(0.25, 1.35, 1.2);
+
+/** Returns the centres of some Gaussians, evenly spread over their order. */
+function sampledCenters(meshes: readonly SplatMesh[]): Vector3[] {
+  const all = meshes.flatMap(({ packedSplats, extSplats }) => packedSplats ?? extSplats ?? []);
+  const total = all.reduce((sum, { numSplats }) => sum + numSplats, 0);
+  const step = Math.max(1, Math.ceil(total / maxSampled));
+  return all.flatMap((splats) =>
+    Array.from({ length: Math.floor(splats.numSplats / step) }, (_, i) =>
+      splats.getSplat(i * step).center.clone(),
+    ),
+  );
+}
 
 async function fetchPly(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
   const response = await fetch(url, { signal });
@@ -34,6 +60,11 @@ export class SplatViewer {
   private loading = new AbortController();
   private drawing = 0;
   private lens: Lens = { across: 0.5, up: 0.5 };
+  /** Where the scene is; undefined until a model is loaded. */
+  private sphere: Sphere | undefined;
+  private reach: Reach | undefined;
+  /** From where the views look, which `home` keeps. */
+  private readonly viewpoint: Vector3;
 
   /**
    * Turns about the point that the views look at, upright as they are; begins at the first view.
@@ -53,6 +84,9 @@ export class SplatViewer {
     this.controls = new OrbitControls(this.camera, canvas);
     this.lookAt(poses);
     if (views[0]) this.goTo(views[0]);
+    this.viewpoint = poses
+      .reduce((sum, { position }) => sum.add(position), new Vector3())
+      .divideScalar(Math.max(1, poses.length));
     this.controls.addEventListener('change', () => this.changed());
     this.sizes = new ResizeObserver(() => this.resize());
     this.sizes.observe(canvas.parentElement ?? canvas);
@@ -82,6 +116,10 @@ export class SplatViewer {
     }
     this.meshes = meshes;
     for (const mesh of meshes) this.scene.add(mesh);
+    const sphere = sphereOf(sampledCenters(meshes));
+    // A selection may be loaded first: the scene is the largest of what was loaded.
+    if (sphere && sphere.radius > (this.sphere?.radius ?? 0)) this.sphere = sphere;
+    this.putReach();
     this.draw();
   }
 
@@ -96,9 +134,30 @@ export class SplatViewer {
       .copy(pose.position)
       .addScaledVector(ahead, toTarget > 0.05 ? toTarget : distance);
     this.lens = lensOf(view);
-    this.fit();
-    this.controls.update();
-    this.changed();
+    this.jump();
+  }
+
+  /** Shows all of the scene, from the side of the views; nothing until a model is loaded. */
+  home(): void {
+    if (!this.sphere) return;
+    const { center, radius } = this.sphere;
+    const away = this.viewpoint.clone().sub(center);
+    if (away.lengthSq() < 1e-12) away.copy(this.camera.position).sub(center);
+    const distance = radius / Math.sin(Math.atan(Math.min(homeLens.across, homeLens.up)));
+    this.controls.target.copy(center);
+    this.camera.position.copy(center).add(away.setLength(distance));
+    this.lens = homeLens;
+    this.jump();
+  }
+
+  /** Turns about what is at a position, given as shares of width and height, from now on. */
+  pivotAt(x: number, y: number): void {
+    const ray = new Raycaster();
+    ray.setFromCamera(new Vector2(2 * x - 1, 1 - 2 * y), this.camera);
+    const [hit] = ray.intersectObjects(this.meshes, false);
+    if (!hit) return;
+    this.controls.target.copy(hit.point);
+    this.jump();
   }
 
   /** Turns by angles, radians, about the target; `closer` multiplies the distance. */
@@ -147,7 +206,24 @@ export class SplatViewer {
     this.camera.updateProjectionMatrix();
   }
 
+  /** Shows what the camera was set to. Where it was put, it may stay. */
+  private jump(): void {
+    this.putReach();
+    this.fit();
+    this.controls.update();
+    this.changed();
+  }
+
+  private putReach(): void {
+    const { target } = this.controls;
+    this.reach = this.sphere && reachOf(this.sphere, this.camera.position, target);
+  }
+
   private changed(): void {
+    const { target } = this.controls;
+    if (this.reach && keepWithin(this.reach, this.camera.position, target)) {
+      this.camera.lookAt(target);
+    }
     this.moved();
     this.draw();
   }

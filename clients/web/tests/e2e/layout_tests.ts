@@ -36,6 +36,22 @@ async function clicked(page: Page, at: readonly [number, number]): Promise<Click
   return { x: Number(x), y: Number(y), area };
 }
 
+/** Returns the picture of the 3D view, shrunk to 32x32 grey pixels from 0 to 255. */
+async function pictureIn3d(page: Page): Promise<number[]> {
+  await page.waitForTimeout(1500); // for Spark to sort
+  return page.locator('.splats-canvas').evaluate((canvas) => {
+    const small = new OffscreenCanvas(32, 32);
+    const context = small.getContext('2d') as OffscreenCanvasRenderingContext2D;
+    context.drawImage(canvas as HTMLCanvasElement, 0, 0, 32, 32);
+    const { data } = context.getImageData(0, 0, 32, 32);
+    return Array.from({ length: 32 * 32 }, (_, i) => data[4 * i + 1] as number);
+  });
+}
+
+function difference(a: readonly number[], b: readonly number[]): number {
+  return a.reduce((sum, value, i) => sum + Math.abs(value - (b[i] as number)), 0) / a.length;
+}
+
 /** Adds the tests. `shared` returns the page, with a scene on it. */
 export function testLayout(shared: () => { readonly page: Page }): void {
   test('the keys 1, 2, 3 show the photograph, both and 3D', async () => {
@@ -128,5 +144,42 @@ export function testLayout(shared: () => { readonly page: Page }): void {
     await page.keyboard.press('0');
     await expect(picture).toHaveAttribute('data-zoom', '1.00');
     await page.keyboard.press('Escape');
+  });
+
+  test('a drag does not lose the scene in 3D, and keys lead back', async () => {
+    test.setTimeout(300_000);
+    const { page } = shared();
+    const canvas = page.locator('.splats-canvas');
+    await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
+    const edges = await canvas.boundingBox();
+    if (!edges) throw new Error('no 3D view');
+    const [x, y] = [edges.x + edges.width / 2, edges.y + edges.height / 2];
+    await page.keyboard.press('b');
+    const first = await pictureIn3d(page);
+    // Far away, and to the side.
+    await page.mouse.move(x, y);
+    for (let i = 0; i < 3; ++i) await page.mouse.wheel(0, 4000);
+    for (let i = 0; i < 3; ++i) {
+      await page.mouse.move(x - 200, y);
+      await page.mouse.down({ button: 'right' });
+      await page.mouse.move(x + 200, y);
+      await page.mouse.up({ button: 'right' });
+    }
+    const far = await pictureIn3d(page);
+    expect(far.filter((grey) => grey > 24).length, 'pixels of the scene').toBeGreaterThan(20);
+    await screenshot(page, 'scene-3d-far');
+    await page.keyboard.press('h');
+    const home = await pictureIn3d(page);
+    expect(difference(home, far)).toBeGreaterThan(2);
+    await screenshot(page, 'scene-3d-home');
+    await page.getByRole('button', { name: 'This view' }).click();
+    expect(difference(await pictureIn3d(page), first)).toBeLessThan(2);
+
+    await page.mouse.dblclick(x + 60, y + 60);
+    expect(difference(await pictureIn3d(page), first)).toBeGreaterThan(2);
+    await expect(page.locator('.mark')).toHaveCount(0);
+    await expect(page.locator('.picture')).toHaveAttribute('data-area', '0');
+    await page.keyboard.press('b');
+    expect(difference(await pictureIn3d(page), first)).toBeLessThan(2);
   });
 }

@@ -335,7 +335,7 @@ test('a click on nothing says so at its position, and the answer stays', async (
   const before = await area();
   const canvas = page.locator('.splats-canvas');
   await canvas.focus();
-  for (let i = 0; i < 25; ++i) await page.keyboard.press('-');
+  for (let i = 0; i < 16; ++i) await page.keyboard.press('-');
   await page.waitForTimeout(500);
   const edges = await canvas.boundingBox();
   if (!edges) throw new Error('no 3D view');
