@@ -63,14 +63,16 @@ export function shrunkMask(mask: Rle, maxSide: number): Pixels {
 
 /**
  * Draws the mask on a canvas of the mask's size, but at most `maxSide`: masks are as large as
- * photographs, which are larger than screens. An empty mask clears the canvas.
+ * photographs, which are larger than screens. An empty mask clears the canvas. `color`: the accent's, if
+ * it is absent.
  */
 export function paintMask(
   canvas: HTMLCanvasElement,
   mask: Rle | undefined,
+  color: Layer['color'] = tint,
   maxSide = 2048,
 ): void {
-  paintLayers(canvas, mask ? [{ rle: mask, color: tint }] : [], maxSide);
+  paintLayers(canvas, mask ? [{ rle: mask, color }] : [], maxSide);
 }
 
 /** Draws masks of one size over each other, the last one on top; none clears the canvas. */

@@ -1,10 +1,16 @@
 // Describes the answer to a prompt in words for the screen.
 import { countText } from '../format';
+import type { Answer } from './answer';
 import type { SessionState } from './session_state';
 import { isForSam } from './session_state';
 
-function viewsText(count: number): string {
+export function viewsText(count: number): string {
   return `${count} ${count === 1 ? 'view' : 'views'}`;
+}
+
+/** Returns the number of views whose masks are not empty. */
+export function numViewsOf({ masks }: Answer): number {
+  return [...masks.values()].filter(({ view, area }) => view && area > 0).length;
 }
 
 type Shown = Pick<
@@ -37,6 +43,5 @@ export function describeAnswer(
     const looks = isForSam(state) && state.samClicks === 'on' ? 'SAM is looking' : 'Looking';
     return `${here}${looks} in ${left === views.length ? viewsText(left) : others} …`;
   }
-  const seen = [...answer.masks.values()].filter((mask) => mask.view && mask.area > 0).length;
-  return `${here}Seen in ${viewsText(seen)}.`;
+  return `${here}Seen in ${viewsText(numViewsOf(answer))}.`;
 }

@@ -20,19 +20,21 @@ interface ThumbProps {
   photo: string;
   rendering: string;
   mask: Mask | undefined;
+  color: Rgb | undefined;
   found: readonly FoundBox[];
   current: boolean;
   onPick: () => void;
 }
 
-function Thumb({ view, photo, rendering, mask, found, current, onPick }: ThumbProps): JSX.Element {
+function Thumb(props: ThumbProps): JSX.Element {
+  const { view, photo, rendering, mask, color, found, current, onPick } = props;
   const [missing, setMissing] = useState('');
   const canvas = useRef<HTMLCanvasElement>(null);
   const button = useRef<HTMLButtonElement>(null);
   const { width, height } = sizeOf(view);
   useEffect(() => {
-    if (canvas.current) paintMask(canvas.current, mask?.rle, thumbnailSide);
-  }, [mask]);
+    if (canvas.current) paintMask(canvas.current, mask?.rle, color, thumbnailSide);
+  }, [mask, color]);
   useEffect(() => {
     if (current) button.current?.scrollIntoView({ block: 'nearest', inline: 'nearest' });
   }, [current]);
@@ -75,6 +77,8 @@ interface Props {
   views: readonly View[];
   current: string;
   masks: ReadonlyMap<string, Mask> | undefined;
+  /** Colour of the masks; absent: the accent's. */
+  color: Rgb | undefined;
   /** Boxes around what was found. */
   found: readonly FoundBox[];
   photoOf: (view: View) => string;
@@ -93,7 +97,7 @@ function scrollSideways(event: WheelEvent): void {
 
 /** All views of the scene in one row, each with its mask. */
 export function Filmstrip(props: Props): JSX.Element {
-  const { views, current, masks, found, photoOf, renderingOf, onPick } = props;
+  const { views, current, masks, color, found, photoOf, renderingOf, onPick } = props;
   return (
     <nav class="filmstrip" aria-label="Views of the scene" onWheel={scrollSideways}>
       {views.map((view) => (
@@ -103,6 +107,7 @@ export function Filmstrip(props: Props): JSX.Element {
           photo={photoOf(view)}
           rendering={renderingOf(view)}
           mask={masks?.get(view.view)}
+          color={color}
           found={found.filter((box) => box.view === view.view)}
           current={view.view === current}
           onPick={() => onPick(view)}

@@ -1,4 +1,4 @@
-// Labels: names for segments, which can be segmented in any view.
+// The things of a scene: segments with names (labels), which can be segmented in any view.
 import type { JSX } from 'preact';
 import { useEffect, useState } from 'preact/hooks';
 import type { Failure } from '../api/failure';
@@ -6,11 +6,24 @@ import { failureOf } from '../api/failure';
 import { ConfirmButton } from '../components/confirm_button';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
+import { countText } from '../format';
 import { useStore } from '../store';
+import { numViewsOf, viewsText } from './describe_answer';
+import { colorOf } from './found_things';
 import type { SceneLabels } from './labels';
 import { labelName } from './labels';
 import { nameSegment } from './name_segment';
 import type { SceneSession } from './session';
+
+/** A label's pixels where it was named, and its number of views once they were looked at. */
+function Extent({ area, numViews }: { area: bigint; numViews: number | undefined }): JSX.Element {
+  return (
+    <span class="quiet extent">
+      <span>{countText(Number(area))} px</span>
+      {numViews !== undefined && <span>{viewsText(numViews)}</span>}
+    </span>
+  );
+}
 
 interface Props {
   session: SceneSession;
@@ -19,14 +32,19 @@ interface Props {
 }
 
 export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
-  const { prompt, answer, busy } = useStore(session.state);
+  const { prompt, answer, busy, looking } = useStore(session.state);
   const list = useStore(labels.list);
+  const numViews = useStore(labels.numViews);
   const [text, setText] = useState('');
   const [failure, setFailure] = useState<Failure>();
   // A name that was begun goes with its segment.
   useEffect(() => {
     if (!prompt) setText('');
   }, [prompt]);
+  useEffect(() => {
+    if (prompt?.kind !== 'label' || !answer || busy || looking) return;
+    labels.saw(prompt.label, numViewsOf(answer));
+  }, [labels, prompt, answer, busy, looking]);
   const mask = labels.maskToName(answer, shownView);
   const taken = labels.named(text);
   const run = async (act: () => Promise<void>) => {
@@ -51,8 +69,8 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
     });
   };
   return (
-    <section aria-labelledby="labels-title">
-      <h2 id="labels-title">Labels</h2>
+    <section aria-labelledby="things-title">
+      <h2 id="things-title">Things</h2>
       <form class="row" onSubmit={name}>
         <input
           id="label-text"
@@ -77,17 +95,19 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
       )}
       <FailureNote failure={failure} close={() => setFailure(undefined)} />
       {list.length > 0 && (
-        <ul class="labels">
-          {list.map((label) => (
-            <li key={label.name}>
+        <ul class="things">
+          {list.map((label, i) => (
+            <li key={label.name} style={{ '--swatch': `rgb(${colorOf(i).join(' ')})` }}>
               <button
                 type="button"
-                class="chip"
+                class="thing"
+                title={labelName(label)}
                 aria-pressed={prompt?.kind === 'label' && prompt.label === label.name}
                 onClick={() => session.pose({ kind: 'label', label: label.name })}
               >
                 {labelName(label)}
               </button>
+              <Extent area={label.area} numViews={numViews.get(label.name)} />
               <ConfirmButton
                 class="bare"
                 sure="Delete?"

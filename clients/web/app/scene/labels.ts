@@ -5,6 +5,9 @@ import { steadily } from '../api/server_link';
 import { Store } from '../store';
 import { sceneIdFrom } from '../upload/scene_id';
 import type { Answer, Mask } from './answer';
+import type { Rgb } from './found_things';
+import { colorOf } from './found_things';
+import type { Prompt } from './prompt';
 
 const maxTries = 20;
 
@@ -18,8 +21,17 @@ export function labelName({ text, name }: Label): string {
   return text || lastId(name);
 }
 
+/** Returns the colour of the label that a prompt is about; undefined for other prompts. */
+export function labelColor(list: readonly Label[], prompt: Prompt): Rgb | undefined {
+  if (prompt.kind !== 'label') return undefined;
+  const index = list.findIndex(({ name }) => name === prompt.label);
+  return index < 0 ? undefined : colorOf(index);
+}
+
 export class SceneLabels {
   readonly list = new Store<readonly Label[]>([]);
+  /** Number of views that show a label, by its name: of those that were shown so far. */
+  readonly numViews = new Store<ReadonlyMap<string, number>>(new Map());
 
   /** The labels of a scene. `scene`: the scene's name. */
   constructor(private readonly scene: string) {}
@@ -45,6 +57,12 @@ export class SceneLabels {
   named(text: string): Label | undefined {
     const wanted = sameName(text);
     return this.list.get().find((label) => sameName(labelName(label)) === wanted);
+  }
+
+  /** Keeps in how many views a label was found. */
+  saw(label: string, numViews: number): void {
+    if (this.numViews.get().get(label) === numViews) return;
+    this.numViews.set(new Map([...this.numViews.get(), [label, numViews]]));
   }
 
   async create(text: string, { view, rle }: Mask): Promise<void> {

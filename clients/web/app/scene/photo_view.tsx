@@ -33,6 +33,8 @@ interface Props {
   source: Source;
   onSource: (source: Source) => void;
   mask: Mask | undefined;
+  /** Colour of the mask; absent: the accent's. */
+  color: Layer['color'] | undefined;
   /** Masks of what was found, drawn while there is no other. */
   found: readonly FoundMask[];
   /** The prompt, if it is about this view. */
@@ -98,6 +100,7 @@ export function PhotoView(props: Props): JSX.Element {
     source,
     onSource,
     mask,
+    color,
     found,
     prompt,
     miss,
@@ -122,9 +125,9 @@ export function PhotoView(props: Props): JSX.Element {
 
   useEffect(() => {
     if (!canvas.current) return;
-    if (mask) paintMask(canvas.current, mask.rle);
+    if (mask) paintMask(canvas.current, mask.rle, color);
     else paintLayers(canvas.current, found);
-  }, [mask, found]);
+  }, [mask, color, found]);
 
   const isDrag = ({ clientX, clientY }: PointerEvent) => {
     const from = pressed.current;

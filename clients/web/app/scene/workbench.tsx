@@ -12,7 +12,7 @@ import { Filmstrip, thumbnailSide } from './filmstrip';
 import { findAlike } from './find_tools';
 import { SceneFinder } from './finder';
 import { colorOf } from './found_things';
-import { SceneLabels } from './labels';
+import { SceneLabels, labelColor } from './labels';
 import type { Layout } from './layout';
 import { panesOn } from './layout';
 import type { FoundMask, Source, Tool } from './photo_view';
@@ -122,6 +122,8 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     finder.show(shown);
   }, [session, finder, shown]);
   const found = useFound(finder, prompt === undefined);
+  const named = useStore(labels.list);
+  const color = prompt && labelColor(named, prompt);
 
   const step = (by: number) => {
     const next =
@@ -198,6 +200,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
               source={source}
               onSource={setSource}
               mask={answer?.masks.get(shown)}
+              color={color}
               found={found.masks}
               prompt={here}
               miss={samePlace(miss?.place, place) ? miss : undefined}
@@ -233,6 +236,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
         views={views}
         current={shown}
         masks={answer?.masks}
+        color={color}
         found={found.boxes}
         photoOf={thumbnailOf}
         renderingOf={renderingOf}

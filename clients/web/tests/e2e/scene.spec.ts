@@ -233,6 +233,7 @@ test('two things are named in a row, and found by their names', async () => {
     await expect.poll(area, { timeout: 30_000 }).toBe(accepted);
     await expect(page.getByText(/Seen in \d+ views/)).toBeVisible({ timeout: 60_000 });
     expect(await area(), 'the accepted mask stays the answer').toBe(accepted);
+    await expect(page.locator('.things li', { hasText: name })).toContainText(/\d px\d+ views/);
   }
 });
 
