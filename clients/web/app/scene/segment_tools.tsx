@@ -10,11 +10,19 @@ import type { Tool } from './photo_view';
 import type { SamClicks } from './segment_views';
 import type { SceneSession } from './session';
 
-export const promptTools: readonly { tool: Tool; name: string; icon: IconName }[] = [
-  { tool: 'include', name: 'Include', icon: 'plus' },
-  { tool: 'exclude', name: 'Exclude', icon: 'minus' },
-  { tool: 'box', name: 'Box', icon: 'box' },
-  { tool: 'brush', name: 'Brush', icon: 'brush' },
+interface PromptTool {
+  readonly tool: Tool;
+  readonly name: string;
+  readonly icon: IconName;
+  /** The key that chooses it. */
+  readonly key: string;
+}
+
+export const promptTools: readonly PromptTool[] = [
+  { tool: 'include', name: 'Include', icon: 'plus', key: 'I' },
+  { tool: 'exclude', name: 'Exclude', icon: 'minus', key: 'E' },
+  { tool: 'box', name: 'Box', icon: 'box', key: 'R' },
+  { tool: 'brush', name: 'Brush', icon: 'brush', key: 'D' },
 ];
 
 interface ToolsProps {
@@ -30,10 +38,11 @@ export function PromptTools({ tool, onTool, ...brushing }: ToolsProps): JSX.Elem
   return (
     <>
       <div class="segmented stacked" role="group" aria-label="What a click does">
-        {promptTools.map(({ tool: other, name, icon }) => (
+        {promptTools.map(({ tool: other, name, icon, key }) => (
           <button
             key={other}
             type="button"
+            title={`${name} (${key})`}
             aria-pressed={tool === other}
             onClick={() => onTool(other)}
           >

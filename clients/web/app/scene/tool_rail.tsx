@@ -22,13 +22,13 @@ export function ToolRail({ session, tool, onTool, onHelp }: RailProps): JSX.Elem
   return (
     <div class="rail">
       <div class="rail-tools" role="group" aria-label="What a click does">
-        {promptTools.map(({ tool: other, name, icon }) => (
+        {promptTools.map(({ tool: other, name, icon, key }) => (
           <button
             key={other}
             type="button"
             class="bare"
             aria-label={name}
-            title={name}
+            title={`${name} (${key})`}
             aria-pressed={tool === other}
             onClick={() => onTool(other)}
           >
