@@ -53,7 +53,7 @@ export function spotAt(edges: Edges, photo: Size, at: Spot): Spot {
   };
 }
 
-/** Returns a zoom within its limits: no more of the stage is empty than at the smallest scale. */
+/** Returns a zoom within its limits: the stage is empty only where the photograph is smaller than it. */
 function limited(stage: Size, photo: Size, { scale, x, y }: Zoom): Zoom {
   const within = clamp(scale, 1, maxScale);
   const { width, height } = shownSize(stage, photo, within);

@@ -31,9 +31,9 @@ interface Props {
   onTakeBack: () => void;
 }
 
-/** The second click of a double click comes within this time, milliseconds, */
+/** Maximum time between the clicks of a double click, milliseconds. */
 const doubleTime = 350;
-/** and this near to the first one, pixels of the screen. */
+/** Maximum distance between the clicks of a double click, pixels of the screen. */
 const doubleSlack = 6;
 
 export function partsOf(

@@ -51,7 +51,7 @@ export function useZoom(photo: Size, view: string, onGesture: () => void) {
   const [zoom, setZoom] = useState<Zoom>(fitted);
   const isOver = useRef(false);
   const canPan = useHeldSpace(isOver);
-  /** The pointers of a gesture, and of fingers that may become one. */
+  /** Positions of the pointers of a gesture, and of a finger that a second one may join. */
   const pointers = useRef(new Map<number, Spot>());
   const [gesture, setGesture] = useState<'none' | 'pan' | 'pinch'>('none');
 
