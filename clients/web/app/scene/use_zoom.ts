@@ -14,19 +14,33 @@ function positionOf({ clientX, clientY }: MouseEvent): Spot {
   return { x: clientX, y: clientY };
 }
 
-/** Returns whether Space is held over the stage, and not meant for what has the focus. */
-function useHeldSpace(isOver: { readonly current: boolean }): boolean {
+/** The pointer's stay over the stage. */
+interface Stay {
+  /** The button that had the focus by a click when the stay began: Space is not meant for it. */
+  readonly clicked: Element | undefined;
+}
+
+function stayNow(): Stay {
+  const focused = document.activeElement;
+  return { clicked: focused && !focused.matches(':focus-visible') ? focused : undefined };
+}
+
+/** Returns whether Space is held during a stay, and not meant for what has the focus. */
+function useHeldSpace(stay: { readonly current: Stay | undefined }): boolean {
   const [held, setHeld] = useState(false);
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
       const target = event.target as HTMLElement;
-      if (event.key !== ' ' || !isOver.current || target.closest('input, select, dialog')) return;
-      if (target.closest('button, summary, a')?.matches(':focus-visible')) return;
+      if (event.key !== ' ' || !stay.current || target.closest('input, select, dialog')) return;
+      if (target.closest('button, summary, a') && target !== stay.current.clicked) return;
       event.preventDefault();
       setHeld(true);
     };
     const release = (event: KeyboardEvent) => {
-      if (event.key === ' ') setHeld(false);
+      if (event.key !== ' ') return;
+      // Firefox presses a button when Space is released.
+      if (event.target === stay.current?.clicked) event.preventDefault();
+      setHeld(false);
     };
     const leave = () => setHeld(false);
     window.addEventListener('keydown', press);
@@ -37,7 +51,7 @@ function useHeldSpace(isOver: { readonly current: boolean }): boolean {
       window.removeEventListener('keyup', release);
       window.removeEventListener('blur', leave);
     };
-  }, [isOver]);
+  }, [stay]);
   return held;
 }
 
@@ -49,8 +63,8 @@ export function useZoom(photo: Size, view: string, onGesture: () => void) {
   const stage = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState<Size>({ width: 0, height: 0 });
   const [zoom, setZoom] = useState<Zoom>(fitted);
-  const isOver = useRef(false);
-  const canPan = useHeldSpace(isOver);
+  const stay = useRef<Stay | undefined>(undefined);
+  const canPan = useHeldSpace(stay);
   /** Positions of the pointers of a gesture, and of a finger that a second one may join. */
   const pointers = useRef(new Map<number, Spot>());
   const [gesture, setGesture] = useState<'none' | 'pan' | 'pinch'>('none');
@@ -163,10 +177,10 @@ export function useZoom(photo: Size, view: string, onGesture: () => void) {
       onPointerUpCapture: release,
       onPointerCancelCapture: release,
       onPointerEnter: () => {
-        isOver.current = true;
+        stay.current = stayNow();
       },
       onPointerLeave: () => {
-        isOver.current = false;
+        stay.current = undefined;
       },
       onWheel: wheel,
     },
