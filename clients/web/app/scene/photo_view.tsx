@@ -14,6 +14,7 @@ import { Marks, drawingWidth } from './marks';
 import type { Box, Point, Prompt, Stroke } from './prompt';
 import { sizeOf } from './prompt';
 import { useShortcuts } from './shortcuts';
+import { useDetail } from './use_detail';
 import { useZoom } from './use_zoom';
 import { ZoomButtons } from './zoom_buttons';
 
@@ -27,8 +28,8 @@ export interface FoundMask extends Layer {
 
 interface Props {
   view: View;
-  /** URL of the photograph, which may be missing. */
-  photo: string;
+  /** Returns the URL of the photograph, shrunk to a longer side; it may be missing. */
+  photoAt: (maxSide: number) => string;
   rendering: string;
   source: Source;
   onSource: (source: Source) => void;
@@ -95,7 +96,7 @@ function Numbers({
 export function PhotoView(props: Props): JSX.Element {
   const {
     view,
-    photo,
+    photoAt,
     rendering,
     source,
     onSource,
@@ -121,13 +122,8 @@ export function PhotoView(props: Props): JSX.Element {
   /** Position of the mouse, where the brush shows its width. */
   const [hover, setHover] = useState<Spot>();
   const [missing, setMissing] = useState('');
-  const hasPhoto = missing !== photo;
-
-  useEffect(() => {
-    if (!canvas.current) return;
-    if (mask) paintMask(canvas.current, mask.rle, color);
-    else paintLayers(canvas.current, found);
-  }, [mask, color, found]);
+  /** URL of the newest picture that was loaded, or could not be. */
+  const [loaded, setLoaded] = useState('');
 
   const isDrag = ({ clientX, clientY }: PointerEvent) => {
     const from = pressed.current;
@@ -146,6 +142,15 @@ export function PhotoView(props: Props): JSX.Element {
   };
   const zooming = useZoom({ width, height }, view.view, drop);
   const { zoom, placed, spotOf } = zooming;
+  const detail = useDetail(view.view, { width, height }, zoom.scale);
+  const photo = photoAt(detail.photo);
+  const hasPhoto = missing !== photo;
+  const shown = hasPhoto && source === 'photo' ? photo : rendering;
+  useEffect(() => {
+    if (!canvas.current) return;
+    if (mask) paintMask(canvas.current, mask.rle, color, detail.mask);
+    else paintLayers(canvas.current, found, detail.mask);
+  }, [mask, color, found, detail]);
   const mark = drawingWidth / Math.max(placed.width, 1);
   const finish = () => {
     if (stroke) onStroke(stroke);
@@ -255,12 +260,16 @@ export function PhotoView(props: Props): JSX.Element {
         }}
       >
         <img
-          src={hasPhoto && source === 'photo' ? photo : rendering}
+          src={shown}
           width={width}
           height={height}
           alt=""
           draggable={false}
-          onError={() => hasPhoto && source === 'photo' && setMissing(photo)}
+          onLoad={() => setLoaded(shown)}
+          onError={() => {
+            setLoaded(shown);
+            if (shown === photo) setMissing(photo);
+          }}
         />
         <canvas ref={canvas} class="overlay" aria-hidden="true" />
         <svg
@@ -281,6 +290,11 @@ export function PhotoView(props: Props): JSX.Element {
         </svg>
         {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
       </div>
+      {loaded !== shown && (
+        <p class="pane-note late" role="status">
+          Loading the {shown === photo ? 'photograph' : 'rendering'} …
+        </p>
+      )}
       {stroke && cursor && (
         <p class="pane-note" role="status">
           Arrow keys draw. Enter ends the stroke, Esc drops it.

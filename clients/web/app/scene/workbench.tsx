@@ -74,9 +74,6 @@ function useFound(finder: SceneFinder, isShown: boolean) {
   }, [found, masks, isShown]);
 }
 
-/** Maximum of the shown photograph's longer side, pixels: more than most screens have. */
-const photoSide = 2048;
-
 interface Props {
   scene: Scene;
   views: readonly View[];
@@ -195,7 +192,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
           <div class="pane" hidden={panes === '3d'}>
             <PhotoView
               view={view}
-              photo={photoUrl(session.model, { name: shown, maxSide: photoSide })}
+              photoAt={(maxSide) => photoUrl(session.model, { name: shown, maxSide })}
               rendering={renderingOf(view)}
               source={source}
               onSource={setSource}
