@@ -19,7 +19,11 @@ import type { SceneSession } from './session';
 import { masksOfThings, thingsOf } from './things';
 
 /** The files of Gaussians on offer. */
-const gaussianFiles = [{ word: 'PLY', ending: 'ply', format: GaussianFormat.PLY }];
+const gaussianFiles = [
+  { word: 'PLY', ending: 'ply', format: GaussianFormat.PLY },
+  { word: 'SPZ', ending: 'spz', format: GaussianFormat.SPZ },
+  { word: 'glTF', ending: 'glb', format: GaussianFormat.GLB },
+];
 
 interface Props {
   sceneId: string;

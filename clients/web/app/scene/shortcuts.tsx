@@ -1,5 +1,5 @@
 import type { JSX } from 'preact';
-import { useEffect } from 'preact/hooks';
+import { useEffect, useRef } from 'preact/hooks';
 import { Dialog } from '../components/dialog';
 
 export type Shortcuts = Readonly<Record<string, () => void>>;
@@ -13,18 +13,22 @@ function isTaken({ key, isComposing, target }: KeyboardEvent): boolean {
 
 /** Shortcuts of the whole screen. While somebody types, only Esc is one. */
 export function useShortcuts(shortcuts: Shortcuts): void {
+  // Effects run after the screen is drawn. A key may be pressed before that, and means what the
+  // newest shortcuts say.
+  const newest = useRef(shortcuts);
+  newest.current = shortcuts;
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
       if (isTaken(event)) return;
       const held = event.ctrlKey || event.metaKey ? 'Ctrl+' : '';
-      const act = event.altKey ? undefined : shortcuts[held + event.key];
+      const act = event.altKey ? undefined : newest.current[held + event.key];
       if (!act) return;
       event.preventDefault();
       act();
     };
     window.addEventListener('keydown', press);
     return () => window.removeEventListener('keydown', press);
-  });
+  }, []);
 }
 
 const list: readonly (readonly [string, string])[] = [

@@ -1,5 +1,6 @@
 // Downloads of a scene with two labels: the bar, the cancel button, and what is in the files.
 import { readFileSync, rmSync } from 'node:fs';
+import { gunzipSync } from 'node:zlib';
 import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
 import { strFromU8, unzipSync } from 'fflate';
@@ -68,6 +69,10 @@ export function testExports(shared: () => LabelledScene): void {
     const ply = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
     const count = numGaussians(ply);
     expect(count).toBeGreaterThan(1000);
+    const glb = await saved(page, page.getByRole('button', { name: 'Scene (glTF)' }));
+    expect(readFileSync(glb).subarray(0, 4).toString('latin1')).toBe('glTF');
+    const spz = await saved(page, page.getByRole('button', { name: 'Scene (SPZ)' }));
+    expect(gunzipSync(readFileSync(spz)).subarray(0, 4).toString('latin1')).toBe('NGSP');
 
     const json = readCoco(await saved(page, page.getByRole('button', { name: 'COCO (JSON)' })));
     expect(json.images).toHaveLength(15);
