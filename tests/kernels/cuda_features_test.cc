@@ -71,17 +71,6 @@ TEST_F(CudaFeaturesTest, MatchesThePairLossOfTheCpuOnALargeBatch) {
   }
 }
 
-TEST_F(CudaFeaturesTest, GivesTheSamePairLossWhateverRanBefore) {
-  const PairBatch batch = RandomPairBatch(700, 10, 2, 8);
-  const PairOpResult once = RunPairLoss(*cuda_, batch, 0.5f);
-  // Another batch leaves other values in the working memory.
-  RunPairLoss(*cuda_, RandomPairBatch(1100, 4, 1, 9), 0.5f);
-  const PairOpResult again = RunPairLoss(*cuda_, batch, 0.5f);
-  EXPECT_EQ(once.sums, again.sums);
-  EXPECT_EQ(once.feature_grad, again.feature_grad);
-  EXPECT_EQ(once.gate_grad, again.gate_grad);
-}
-
 TEST_F(CudaFeaturesTest, TransposesPartOfTheRowsAsTheCpuDoes) {
   const PinholeView view = TestView(320, 200);
   const HostGaussians host = RandomScene({.count = 5'000, .max_scale = 0.1f});

@@ -63,6 +63,20 @@ PairBatch Reversed(PairBatch batch) {
   return batch;
 }
 
+// Backends keep the working memory. Other batches leave other values in it, also more and fewer of
+// them.
+TEST_P(PairLossTest, GivesTheSameWhateverRanBefore) {
+  const PairBatch batch = RandomPairBatch(700, 10, 2, 8);
+  const PairOpResult once = RunPairLoss(*backend_, batch, 0.5f);
+  for (const int num_pixels : {2100, 40}) {
+    RunPairLoss(*backend_, RandomPairBatch(num_pixels, 4, 1, 9), 1e9f);
+    const PairOpResult again = RunPairLoss(*backend_, batch, 0.5f);
+    EXPECT_EQ(once.sums, again.sums);
+    EXPECT_EQ(once.feature_grad, again.feature_grad);
+    EXPECT_EQ(once.gate_grad, again.gate_grad);
+  }
+}
+
 // The CPU works on panels of 2048 pixels (kPairPanel). In reverse order other pixels share one.
 TEST_P(PairLossTest, DoesNotDependOnTheOrderOfThousandsOfPixels) {
   constexpr int kPixels = 2100, kScales = 3;
