@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/find.h"
+#include "clients/cli/labelled_masks.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/segment_table.h"
 #include "clients/cli/verbs.h"
@@ -62,11 +63,6 @@ struct DecomposeFlags {
   std::string table;  // file to write
 };
 
-// Returns the text of a label, or its id.
-std::string TextOf(const v1::Label& label) {
-  return label.text().empty() ? label.name().substr(label.name().rfind('/') + 1) : label.text();
-}
-
 // Returns the level to write, or INVALID_ARGUMENT if the decomposition has no such level.
 absl::StatusOr<int> ChooseLevel(const DecomposeFlags& flags, const Decomposed& answer) {
   if (flags.level < answer.levels_size()) {
@@ -93,15 +89,21 @@ absl::Status WriteSegments(const Client& client, const DecomposeFlags& flags,
   return absl::OkStatus();
 }
 
-// Writes, for each view, STEM_ids.png (16-bit grey, as the server renders it) and STEM_colors.png.
-absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const Decomposed& answer,
-                        int level) {
+// Returns a request for pictures of the segments' ids, without level and view.
+v1::RenderViewRequest IdsOf(const Decomposed& answer) {
   v1::RenderViewRequest request;
   request.set_model(answer.model());
   request.set_content(v1::RenderViewRequest::CONTENT_SEGMENTS);
-  for (const auto& of_level : answer.levels()) {
-    request.add_decomposition_scales(of_level.scale_quantile());
+  for (const auto& level : answer.levels()) {
+    request.add_decomposition_scales(level.scale_quantile());
   }
+  return request;
+}
+
+// Writes, for each view, STEM_ids.png (16-bit grey, as the server renders it) and STEM_colors.png.
+absl::Status WriteViews(const Client& client, const DecomposeFlags& flags, const Decomposed& answer,
+                        int level) {
+  v1::RenderViewRequest request = IdsOf(answer);
   request.set_level(level);
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(answer.model()));
   for (const v1::View& view : views) {
@@ -121,21 +123,18 @@ absl::Status WriteTable(const Client& client, const DecomposeFlags& flags,
                         const Decomposed& answer) {
   SegmentTable table(answer);
   ASSIGN_OR_RETURN(const v1::ListLabelsResponse listed, client.ListLabels(SceneName(flags.scene)));
-  std::multimap<std::string, v1::Label> labels;  // by view
-  for (const v1::Label& label : listed.labels()) {
-    ASSIGN_OR_RETURN(const v1::Label whole,
-                     client.GetLabel(label.name(), v1::PIXEL_FRAME_PHOTOGRAPH));
-    labels.emplace(label.view(), whole);
+  const std::vector<LabelledThing> things =
+      ThingsOf({listed.labels().begin(), listed.labels().end()});
+  std::vector<Mask> masks;  // of the things, in their own views
+  for (const v1::Label& listed_label : listed.labels()) {
+    ASSIGN_OR_RETURN(const v1::Label label,
+                     client.GetLabel(listed_label.name(), v1::PIXEL_FRAME_PHOTOGRAPH));
+    ASSIGN_OR_RETURN(masks.emplace_back(), DecodeRle(label.mask().rle()));
   }
-  v1::RenderViewRequest request;
-  request.set_model(answer.model());
-  request.set_content(v1::RenderViewRequest::CONTENT_SEGMENTS);
+  v1::RenderViewRequest request = IdsOf(answer);
   request.set_frame(v1::PIXEL_FRAME_PHOTOGRAPH);
   constexpr int kMostSide = 16384;
   request.set_max_side(kMostSide);
-  for (const auto& level : answer.levels()) {
-    request.add_decomposition_scales(level.scale_quantile());
-  }
   ASSIGN_OR_RETURN(const std::vector<v1::View> views, client.ListViews(answer.model()));
   for (const v1::View& view : views) {
     request.mutable_viewpoint()->set_view(view.view());
@@ -144,10 +143,8 @@ absl::Status WriteTable(const Client& client, const DecomposeFlags& flags,
       ASSIGN_OR_RETURN(const v1::RenderViewResponse picture, client.Render(request));
       ASSIGN_OR_RETURN(const Grey16Picture ids, DecodeGrey16(picture.png(), view.view()));
       table.CountView(level, ids);
-      const auto [first, last] = labels.equal_range(view.view());
-      for (auto label = first; label != last; ++label) {
-        ASSIGN_OR_RETURN(const Mask mask, DecodeRle(label->second.mask().rle()));
-        table.CompareLabel(TextOf(label->second), level, ids, mask);
+      for (size_t i = 0; i < things.size(); ++i) {
+        if (things[i].view == view.view()) table.CompareLabel(things[i].text, level, ids, masks[i]);
       }
     }
   }

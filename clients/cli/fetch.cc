@@ -215,7 +215,9 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
     Print(absl::StrFormat("%s: %d Gaussians, %.1f MB, of %s", flags.file, header.num_gaussians(),
                           static_cast<double>(header.num_bytes()) * 1e-6, header.model()));
     if (!origin.empty()) {
-      Print(absl::StrCat("positions are relative to the origin in ", origin));
+      const bool is_ply = found->format == v1::GAUSSIAN_FORMAT_PLY;
+      Print(absl::StrCat("positions are relative to the origin in ", origin,
+                         is_ply ? " and in the PLY's comment; --origin world adds it" : ""));
     }
   }
   return absl::OkStatus();
@@ -309,8 +311,7 @@ void AddExport(CLI::App& app, Shell& shell) {
           "--origin", flags->origin,
           "Positions of a scene with map coordinates. local: floats relative to an origin, "
           "which is in FILE.origin.json and in a comment of the PLY; world: doubles in a PLY, a "
-          "moved "
-          "node in a GLB, as local in an SPZ")
+          "moved node in a GLB, as local in an SPZ")
       ->check(CLI::IsMember({"local", "world"}))
       ->capture_default_str();
   AddNamesFlag(*verb, "--views", flags->labels.views,

@@ -65,6 +65,7 @@ class GaussianRowBlocks : public GaussianBlocks {
     header_ = std::move(header);
     row_bytes_ = row_bytes;
   }
+  int64_t row_bytes() const { return row_bytes_; }
   // Returns rows [first, first + count).
   virtual std::string EncodeRows(int64_t first, int64_t count) const = 0;
 

@@ -59,6 +59,9 @@ struct Box {
   std::array<float, 3> min, max;
 };
 
+// The description of a file without Gaussians: glTF has no empty arrays.
+Json EmptyScene() { return {{"asset", {{"version", "2.0"}, {"generator", "pepeseg"}}}}; }
+
 // The description of a file with `count` rows, at least one.
 Json SceneOf(const std::vector<Attribute>& attributes, int64_t count, const Box& box,
              const Eigen::Vector3d& translation) {
@@ -89,23 +92,24 @@ Json SceneOf(const std::vector<Attribute>& attributes, int64_t count, const Box&
                        {"colorSpace", "srgb_rec709_display"},
                        {"sortingMethod", "cameraDistance"},
                        {"projection", "perspective"}};
-  return {{"asset", {{"version", "2.0"}, {"generator", "pepeseg"}}},
-          {"extensionsUsed", {kExtension}},
-          {"scene", 0},
-          {"scenes", {{{"nodes", {0}}}}},
-          {"nodes", {std::move(node)}},
-          {"meshes",
-           {{{"primitives",
-              {{{"attributes", std::move(names)},
-                {"mode", kPoints},
-                {"extensions", {{kExtension, splats}}}}}}}}},
-          {"accessors", std::move(accessors)},
-          {"bufferViews",
-           {{{"buffer", 0},
-             {"byteLength", count * row_bytes},
-             {"byteStride", row_bytes},
-             {"target", kArrayBuffer}}}},
-          {"buffers", {{{"byteLength", count * row_bytes}}}}};
+  Json scene = EmptyScene();
+  scene.update({{"extensionsUsed", {kExtension}},
+                {"scene", 0},
+                {"scenes", {{{"nodes", {0}}}}},
+                {"nodes", {std::move(node)}},
+                {"meshes",
+                 {{{"primitives",
+                    {{{"attributes", std::move(names)},
+                      {"mode", kPoints},
+                      {"extensions", {{kExtension, splats}}}}}}}}},
+                {"accessors", std::move(accessors)},
+                {"bufferViews",
+                 {{{"buffer", 0},
+                   {"byteLength", count * row_bytes},
+                   {"byteStride", row_bytes},
+                   {"target", kArrayBuffer}}}},
+                {"buffers", {{{"byteLength", count * row_bytes}}}}});
+  return scene;
 }
 
 // Little-endian, as all numbers of the file.
@@ -157,9 +161,8 @@ GaussianGlbBlocks::GaussianGlbBlocks(const Gaussians& gaussians, std::vector<uin
     : GaussianRowBlocks(gaussians, std::move(indices)) {
   const std::vector<Attribute> attributes = AttributesOf(gaussians.sh_degree);
   const int64_t row_bytes = RowBytesOf(attributes);
-  if (num_gaussians() == 0) {  // glTF has no empty arrays
-    SetLayout(HeaderOf(Json{{"asset", {{"version", "2.0"}, {"generator", "pepeseg"}}}}.dump(), 0),
-              row_bytes);
+  if (num_gaussians() == 0) {
+    SetLayout(HeaderOf(EmptyScene().dump(), 0), row_bytes);
     return;
   }
   Box box;
@@ -178,8 +181,7 @@ GaussianGlbBlocks::GaussianGlbBlocks(const Gaussians& gaussians, std::vector<uin
 }
 
 std::string GaussianGlbBlocks::EncodeRows(int64_t first, int64_t count) const {
-  const int64_t row_bytes = RowBytesOf(AttributesOf(gaussians_.sh_degree));
-  std::string rows(static_cast<size_t>(count * row_bytes), '\0');
+  std::string rows(static_cast<size_t>(count * row_bytes()), '\0');
   RowWriter out = {rows.data()};
   for (int64_t row = first; row < first + count; ++row) {
     for (int k = 0; k < 3; ++k) out.Float(kYUpMean[k] * ValueOf(kMeanPlane + k, row));

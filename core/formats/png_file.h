@@ -19,9 +19,9 @@ struct PngPixels {
   std::vector<uint8_t> bytes;
 };
 
-// What a PNG is decoded to. Palettes become colours, fewer than 8 bits become 8. Alpha is kept with
-// colours, or with grey values as RGBA; a transparent colour becomes alpha, a transparent grey
-// value does not.
+// The form that a PNG is decoded to. Palettes become colours, fewer than 8 bits become 8. Alpha is
+// kept with colours, or with grey values as RGBA; a transparent colour becomes alpha, a transparent
+// grey value does not.
 enum class PngForm {
   kStored,      // grey values stay one channel, 16 bits stay 16
   kPhotograph,  // grey values become RGB, and 16 bits their upper 8, unless there is alpha

@@ -58,7 +58,8 @@ PairPlan::PairPlan(const PairLossArgs& args, PairMemory& memory) : job() {
   job.num_scales = num_scales;
   job.padded = (num_pixels + kPairRows - 1) / kPairRows * kPairRows;
   const size_t num_units = size_t{1} * num_scales * job.padded * kFeatureSize;
-  // What is read of a pixel is written first; nothing that is kept depends on the padding.
+  // The passes write the values of a pixel before they read them. Results do not depend on those
+  // of the padding.
   job.unit = Reserve(memory.unit, num_units);
   job.unit_by_channel = Reserve(memory.unit_by_channel, num_units);
   job.unit_grad = Reserve(memory.unit_grad, 2 * num_units);

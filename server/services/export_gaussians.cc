@@ -31,9 +31,14 @@ bool IsPly(const v1::ExportGaussiansRequest& request) {
          request.format() == v1::GAUSSIAN_FORMAT_PLY;
 }
 
+// Returns whether the stored file has what the request wants of each Gaussian.
+bool WantsStored(const v1::ExportGaussiansRequest& request) {
+  return IsPly(request) && !request.has_segment_ids();
+}
+
 // Returns whether the call is one of those that compute. Others mostly read the stored file.
 bool Computes(const v1::ExportGaussiansRequest& request) {
-  return request.has_subset() || request.has_segment_ids() || !IsPly(request);
+  return request.has_subset() || !WantsStored(request);
 }
 
 // Returns whether positions are relative to the model's origin.
@@ -103,7 +108,7 @@ absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
                    deps_.models.Load(caller_.scenes, request_.model(), "model"));
   ASSIGN_OR_RETURN(const std::optional<GaussianSet> subset,
                    deps_.selections.FindSubset(caller_.scenes, model, request_.subset(), "subset"));
-  if (!subset && IsPly(request_) && !request_.has_segment_ids()) return false;
+  if (!subset && WantsStored(request_)) return false;
   RETURN_IF_ERROR(EncodeSubset(std::move(model), subset ? &*subset : nullptr));
   return true;
 }

@@ -6,7 +6,7 @@
 
 namespace pepeseg {
 
-// What the module "postgresql" (core/base/module.h) has: SOCI's part for PostgreSQL, which is
+// Contents of the module "postgresql" (core/base/module.h): SOCI's part for PostgreSQL. It is
 // loaded for such a database only, since libpq brings LDAP and Kerberos.
 struct PostgresqlModule {
   const soci::backend_factory* factory;

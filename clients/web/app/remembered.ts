@@ -1,4 +1,4 @@
-// What the browser remembers for this page, if it lets the page store anything.
+// Values that the browser keeps for this page, if it lets the page store anything.
 
 /** Returns the value stored under a name; undefined if there is none. */
 export function recall(name: string): string | undefined {

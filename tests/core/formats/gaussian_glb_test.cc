@@ -8,29 +8,16 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <numeric>
-#include <random>
 
 #include "nlohmann/json.hpp"
+#include "tests/testing/gaussian_file.h"
 
 namespace pepeseg {
 namespace {
 
 using nlohmann::json;
-
-Gaussians SomeGaussians(int64_t count, int sh_degree) {
-  std::mt19937 random(7);
-  std::normal_distribution<float> normal;
-  Gaussians gaussians = Gaussians::Zero(count, sh_degree);
-  for (float& value : gaussians.planes) value = normal(random);
-  return gaussians;
-}
-
-std::vector<uint32_t> All(const Gaussians& gaussians) {
-  std::vector<uint32_t> all(static_cast<size_t>(gaussians.count));
-  std::iota(all.begin(), all.end(), 0);
-  return all;
-}
+using testing::AllOf;
+using testing::RandomGaussians;
 
 // A GLB as a reader of glTF sees it.
 struct Glb {
@@ -38,13 +25,7 @@ struct Glb {
   std::string rows;
 
   explicit Glb(const GaussianGlbBlocks& blocks) {
-    std::string file;
-    for (int64_t i = 0; i < blocks.num_blocks(); ++i) {
-      const std::string block = blocks.Encode(i);
-      EXPECT_LE(static_cast<int64_t>(block.size()), GaussianBlocks::kMaxBlockBytes);
-      EXPECT_EQ(block, blocks.Encode(i));
-      file += block;
-    }
+    const std::string file = testing::FileOf(blocks);
     EXPECT_EQ(static_cast<int64_t>(file.size()), blocks.num_bytes());
     EXPECT_EQ(file.substr(0, 4), "glTF");
     EXPECT_EQ(NumberAt(file, 4), 2u);
@@ -81,8 +62,8 @@ struct Glb {
 
 TEST(GaussianGlbBlocks, HaveTheAttributesOfTheExtension) {
   for (int degree = 0; degree <= kMaxShDegree; ++degree) {
-    const Gaussians gaussians = SomeGaussians(20, degree);
-    const Glb glb{GaussianGlbBlocks(gaussians, All(gaussians))};
+    const Gaussians gaussians = RandomGaussians(20, degree);
+    const Glb glb{GaussianGlbBlocks(gaussians, AllOf(gaussians))};
     EXPECT_EQ(glb.scene["extensionsUsed"], json::array({"KHR_gaussian_splatting"}));
     const json& primitive = glb.scene["meshes"][0]["primitives"][0];
     EXPECT_EQ(primitive["mode"], 0);
@@ -99,8 +80,8 @@ TEST(GaussianGlbBlocks, HaveTheAttributesOfTheExtension) {
 }
 
 TEST(GaussianGlbBlocks, HoldActivatedParameters) {
-  const Gaussians gaussians = SomeGaussians(50, 0);
-  const Glb glb{GaussianGlbBlocks(gaussians, All(gaussians))};
+  const Gaussians gaussians = RandomGaussians(50, 0);
+  const Glb glb{GaussianGlbBlocks(gaussians, AllOf(gaussians))};
   for (size_t i = 0; i < 50; ++i) {
     EXPECT_EQ(glb.At("POSITION", i, 0), gaussians.Plane(kMeanPlane)[i]);
     EXPECT_EQ(glb.At("POSITION", i, 1), -gaussians.Plane(kMeanPlane + 1)[i]);
@@ -145,8 +126,7 @@ TEST(GaussianGlbBlocks, HaveALinearColourForPoints) {
   EXPECT_EQ(static_cast<uint8_t>(glb.rows[at + 3]), 128);  // a logit of 0
 }
 
-// What a Gaussian looks like from a direction that is turned with it: degree by degree as the
-// specification writes the basis.
+// Returns the colour of a Gaussian from a direction, by the basis of the specification.
 double ColourOf(const std::vector<double>& sh, double x, double y, double z) {
   const double xx = x * x, yy = y * y, zz = z * z;
   const double basis[] = {0.2820947917738781,
@@ -171,7 +151,7 @@ double ColourOf(const std::vector<double>& sh, double x, double y, double z) {
 }
 
 TEST(GaussianGlbBlocks, TurnColoursWithTheWorld) {
-  const Gaussians gaussians = SomeGaussians(1, 3);
+  const Gaussians gaussians = RandomGaussians(1, 3);
   const Glb glb{GaussianGlbBlocks(gaussians, {0})};
   std::vector<double> before, after;
   for (int degree = 0; degree <= 3; ++degree) {
@@ -194,7 +174,7 @@ Eigen::Matrix3d Ellipsoid(const Eigen::Quaterniond& rotation, const Eigen::Vecto
 }
 
 TEST(GaussianGlbBlocks, TurnEllipsoidsWithTheWorld) {
-  const Gaussians gaussians = SomeGaussians(1, 0);
+  const Gaussians gaussians = RandomGaussians(1, 0);
   const Glb glb{GaussianGlbBlocks(gaussians, {0})};
   const auto value = [&](int plane) { return double{gaussians.Plane(plane)[0]}; };
   const Eigen::Vector3d scales(std::exp(value(kLogScalePlane)), std::exp(value(kLogScalePlane + 1)),
@@ -208,22 +188,22 @@ TEST(GaussianGlbBlocks, TurnEllipsoidsWithTheWorld) {
 }
 
 TEST(GaussianGlbBlocks, MoveTheNodeToTheWorld) {
-  const Gaussians gaussians = SomeGaussians(3, 0);
+  const Gaussians gaussians = RandomGaussians(3, 0);
   const Glb glb{GaussianGlbBlocks(gaussians, {2}, Eigen::Vector3d(4e5, 5.3e6, 100.125))};
   EXPECT_EQ(glb.scene["nodes"][0]["translation"], json::array({4e5, -5.3e6, -100.125}));
   EXPECT_EQ(glb.At("POSITION", 0, 0), gaussians.Plane(kMeanPlane)[2]);
 }
 
 TEST(GaussianGlbBlocks, HaveNoMeshWithoutGaussians) {
-  const Gaussians gaussians = SomeGaussians(3, 1);
+  const Gaussians gaussians = RandomGaussians(3, 1);
   const Glb glb{GaussianGlbBlocks(gaussians, {})};
   EXPECT_FALSE(glb.scene.contains("meshes"));
   EXPECT_EQ(glb.scene["asset"]["version"], "2.0");
 }
 
 TEST(GaussianGlbBlocks, JoinBlocksOfThousands) {
-  const Gaussians gaussians = SomeGaussians(10'000, 3);
-  const GaussianGlbBlocks blocks(gaussians, All(gaussians));
+  const Gaussians gaussians = RandomGaussians(10'000, 3);
+  const GaussianGlbBlocks blocks(gaussians, AllOf(gaussians));
   EXPECT_GT(blocks.num_blocks(), 3);
   const Glb glb(blocks);
   EXPECT_EQ(glb.At("POSITION", 9'999, 0), gaussians.Plane(kMeanPlane)[9'999]);

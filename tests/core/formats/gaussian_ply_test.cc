@@ -5,10 +5,9 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <numeric>
-#include <random>
 
 #include "core/base/file_io.h"
+#include "tests/testing/gaussian_file.h"
 #include "tests/testing/status_testing.h"
 #include "tests/testing/temp_folder.h"
 
@@ -16,15 +15,10 @@ namespace pepeseg {
 namespace {
 
 using absl::StatusCode::kInvalidArgument;
+using testing::AllOf;
+using testing::FileOf;
+using testing::RandomGaussians;
 using testing::TempFolder;
-
-Gaussians RandomGaussians(int64_t count, int sh_degree) {
-  std::mt19937 random(5);
-  std::normal_distribution<float> normal;
-  Gaussians gaussians = Gaussians::Zero(count, sh_degree);
-  for (float& value : gaussians.planes) value = normal(random);
-  return gaussians;
-}
 
 TEST(GaussianPly, RoundTripsBitForBit) {
   const TempFolder folder;
@@ -42,11 +36,8 @@ TEST(GaussianPly, HasFloatsAndACommentInLocalCoordinates) {
   const TempFolder folder;
   const Eigen::Vector3d origin(4e5, 5.3e6, 100.125);
   const Gaussians gaussians = RandomGaussians(50, 1);
-  std::vector<uint32_t> all(50);
-  std::iota(all.begin(), all.end(), 0);
-  const GaussianPlyBlocks blocks(gaussians, all, origin, PlyCoordinates::kLocal);
-  std::string ply;
-  for (int64_t block = 0; block < blocks.num_blocks(); ++block) ply += blocks.Encode(block);
+  const GaussianPlyBlocks blocks(gaussians, AllOf(gaussians), origin, PlyCoordinates::kLocal);
+  const std::string ply = FileOf(blocks);
   EXPECT_EQ(static_cast<int64_t>(ply.size()), blocks.num_bytes());
   EXPECT_NE(ply.find("comment pepeseg_origin 400000 5300000 100.125\n"), std::string::npos);
   EXPECT_NE(ply.find("property float x\n"), std::string::npos);
@@ -99,13 +90,7 @@ TEST(GaussianPlyBlocks, EqualTheFileOfTheChosenGaussians) {
   for (const Eigen::Vector3d& origin : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(4e5, 5e6, 1)}) {
     const GaussianPlyBlocks blocks(gaussians, some, origin);
     EXPECT_GT(blocks.num_blocks(), 3);
-    std::string joined;
-    for (int64_t i = 0; i < blocks.num_blocks(); ++i) {
-      const std::string block = blocks.Encode(i);
-      EXPECT_LE(static_cast<int64_t>(block.size()), GaussianPlyBlocks::kMaxBlockBytes);
-      EXPECT_EQ(block, blocks.Encode(i));
-      joined += block;
-    }
+    const std::string joined = FileOf(blocks);
     EXPECT_EQ(static_cast<int64_t>(joined.size()), blocks.num_bytes());
     EXPECT_EQ(joined, EncodeGaussianPly(gaussians.Select(rows), origin));
   }

@@ -6,17 +6,17 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstring>
-#include <numeric>
-#include <random>
+
+#include "tests/testing/gaussian_file.h"
 
 namespace pepeseg {
 namespace {
 
+using testing::AllOf;
+
+// Gaussians such as a model has: small ones, of which few colours depend much on the direction.
 Gaussians ScatteredGaussians(int64_t count, int sh_degree, float size = 1) {
-  std::mt19937 random(11);
-  std::normal_distribution<float> normal;
-  Gaussians gaussians = Gaussians::Zero(count, sh_degree);
-  for (float& value : gaussians.planes) value = normal(random);
+  Gaussians gaussians = testing::RandomGaussians(count, sh_degree);
   for (int k = 0; k < 3; ++k) {
     for (float& value : gaussians.Plane(kMeanPlane + k)) value *= size;
     for (float& value : gaussians.Plane(kLogScalePlane + k)) value -= 4;
@@ -35,13 +35,7 @@ struct Spz {
   size_t num_bytes = 0;  // of the file
 
   explicit Spz(const GaussianSpzBlocks& blocks) {
-    std::string file;
-    for (int64_t i = 0; i < blocks.num_blocks(); ++i) {
-      const std::string block = blocks.Encode(i);
-      EXPECT_LE(static_cast<int64_t>(block.size()), GaussianBlocks::kMaxBlockBytes);
-      EXPECT_EQ(block, blocks.Encode(i));
-      file += block;
-    }
+    const std::string file = testing::FileOf(blocks);
     num_bytes = file.size();
     Inflate(file);
     EXPECT_EQ(bytes.substr(0, 4), "NGSP");
@@ -102,16 +96,10 @@ struct Spz {
   }
 };
 
-std::vector<uint32_t> Everything(const Gaussians& gaussians) {
-  std::vector<uint32_t> all(static_cast<size_t>(gaussians.count));
-  std::iota(all.begin(), all.end(), 0);
-  return all;
-}
-
 TEST(GaussianSpzBlocks, HoldParametersToTheirPrecision) {
   for (int degree = 0; degree <= kMaxShDegree; ++degree) {
     const Gaussians gaussians = ScatteredGaussians(300, degree);
-    const Spz spz{GaussianSpzBlocks(gaussians, Everything(gaussians))};
+    const Spz spz{GaussianSpzBlocks(gaussians, AllOf(gaussians))};
     EXPECT_EQ(spz.version, 3u);
     ASSERT_EQ(spz.count, 300u);
     ASSERT_EQ(spz.sh_degree, degree);
@@ -138,7 +126,7 @@ TEST(GaussianSpzBlocks, HoldParametersToTheirPrecision) {
 TEST(GaussianSpzBlocks, ScaleCoordinatesWithTheScene) {
   for (const float size : {1e-3f, 1.0f, 1e4f}) {
     const Gaussians gaussians = ScatteredGaussians(500, 0, size);
-    const Spz spz{GaussianSpzBlocks(gaussians, Everything(gaussians))};
+    const Spz spz{GaussianSpzBlocks(gaussians, AllOf(gaussians))};
     for (size_t i = 0; i < 500; ++i) {
       EXPECT_NEAR(spz.Position(i, 0), gaussians.Plane(kMeanPlane)[i], size / 65536) << size;
     }
@@ -149,14 +137,14 @@ TEST(GaussianSpzBlocks, ScaleCoordinatesWithTheScene) {
 TEST(GaussianSpzBlocks, HoldWhatIsFarAway) {
   Gaussians gaussians = ScatteredGaussians(500, 0);
   gaussians.Plane(kMeanPlane)[7] = 60;
-  const Spz spz{GaussianSpzBlocks(gaussians, Everything(gaussians))};
+  const Spz spz{GaussianSpzBlocks(gaussians, AllOf(gaussians))};
   EXPECT_NEAR(spz.Position(7, 0), 60, 1e-5);
   EXPECT_NEAR(spz.Position(8, 0), gaussians.Plane(kMeanPlane)[8], 1e-5);
 }
 
 TEST(GaussianSpzBlocks, AreOneGzipFileOfManyBlocks) {
   const Gaussians gaussians = ScatteredGaussians(60'000, 3);
-  const GaussianSpzBlocks blocks(gaussians, Everything(gaussians));
+  const GaussianSpzBlocks blocks(gaussians, AllOf(gaussians));
   EXPECT_GT(blocks.num_blocks(), 8);
   const Spz spz(blocks);
   EXPECT_EQ(spz.count, 60'000u);

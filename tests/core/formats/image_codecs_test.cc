@@ -1,17 +1,13 @@
-// What the libraries of the formats read, and what they say of damaged files.
+// Kinds of files that the libraries of the formats read, and their reports about damaged ones.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <zlib.h>
 
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <vector>
 
-// Needs <cstdio>.
-#include <jpeglib.h>
-
 #include "core/formats/images.h"
+#include "tests/testing/jpeg_bytes.h"
 #include "tests/testing/png_bytes.h"
 #include "tests/testing/small_dataset.h"
 #include "tests/testing/status_testing.h"
@@ -26,34 +22,14 @@ absl::StatusOr<Image> Photo(const std::string& bytes) {
   return DecodePhoto(std::span(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size()), "a");
 }
 
-// Writes a JPEG of 16x16 equal pixels in the colour space that is stored. `scans`: progressive.
-std::string FlatJpeg(const std::vector<uint8_t>& pixel, J_COLOR_SPACE space, bool scans) {
-  constexpr unsigned kFlatSide = 16;
-  jpeg_compress_struct info{};
-  jpeg_error_mgr errors{};
-  info.err = jpeg_std_error(&errors);
-  jpeg_create_compress(&info);
-  unsigned char* bytes = nullptr;
-  unsigned long size = 0;
-  jpeg_mem_dest(&info, &bytes, &size);
-  info.image_width = info.image_height = kFlatSide;
-  info.input_components = static_cast<int>(pixel.size());
-  info.in_color_space = space;
-  jpeg_set_defaults(&info);
-  jpeg_set_quality(&info, 100, TRUE);
-  if (scans) jpeg_simple_progression(&info);
-  jpeg_start_compress(&info, TRUE);
-  std::vector<uint8_t> row;
-  for (unsigned x = 0; x < kFlatSide; ++x) row.insert(row.end(), pixel.begin(), pixel.end());
-  for (unsigned y = 0; y < kFlatSide; ++y) {
-    JSAMPROW samples = row.data();
-    jpeg_write_scanlines(&info, &samples, 1);
+// Returns a JPEG of 16x16 equal pixels in the colour space that is stored.
+std::string FlatJpeg(const std::vector<uint8_t>& pixel, J_COLOR_SPACE space, bool progressive) {
+  constexpr int kFlatSide = 16;
+  Image image{kFlatSide, kFlatSide, static_cast<int>(pixel.size()), {}};
+  for (int i = 0; i < kFlatSide * kFlatSide; ++i) {
+    image.pixels.insert(image.pixels.end(), pixel.begin(), pixel.end());
   }
-  jpeg_finish_compress(&info);
-  std::string jpeg(reinterpret_cast<const char*>(bytes), size);
-  jpeg_destroy_compress(&info);
-  std::free(bytes);
-  return jpeg;
+  return testing::StoredJpeg(image, space, progressive);
 }
 
 TEST(ImageCodecs, ReadGreyRgbAndCmykJpegs) {

@@ -70,7 +70,7 @@ test('a pan ends at the borders of the photograph', () => {
   const corner = panned(stage, photo, zoom, { x: 1e6, y: 1e6 });
   const { left, top } = edgesOf(stage, photo, corner);
   expect([left, top]).toEqual([stage.left, stage.top]);
-  // What fits cannot be moved.
+  // A photograph that fits cannot be moved.
   expect(panned(stage, photo, fitted, { x: 50, y: 50 })).toEqual(fitted);
 });
 
