@@ -176,6 +176,7 @@ class Backend {
   virtual void Similarity(const SimilarityArgs& args) = 0;
   virtual void SegmentPixels(const SegmentPixelsArgs& args) = 0;
   virtual void RefineBorder(const RefineBorderArgs& args) = 0;
+  virtual void PackMask(const PackMaskArgs& args) = 0;
   virtual void LevelOverlaps(const LevelOverlapsArgs& args) = 0;
   // Clustering (kernels/ops/cluster.h).
   virtual void SpanningTree(const SpanningTreeArgs& args) = 0;

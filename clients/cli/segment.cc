@@ -16,6 +16,7 @@
 #include "clients/terminal/flags.h"
 #include "clients/terminal/picture.h"
 #include "clients/terminal/shell.h"
+#include "clients/terminal/text_table.h"
 #include "clients/terminal/view_picture.h"
 
 namespace pepeseg::client::cli {
@@ -97,8 +98,9 @@ absl::Status WriteMaskAndOverlay(const Client& client, const SegmentFlags& flags
 // Says how far the training is that the answer comes from.
 void NoteSnapshot(const v1::SegmentViewsResponse& answer) {
   if (!answer.has_snapshot()) return;
-  Note(absl::StrFormat("%s is still training: this is step %d of %d", answer.snapshot().job(),
-                       answer.snapshot().step(), answer.snapshot().num_steps()));
+  const v1::Snapshot& state = answer.snapshot();
+  Note(absl::StrFormat("%s is still training: this is step %d of %d of stage %s", state.job(),
+                       state.step(), state.num_steps(), WordOf(state.stage())));
 }
 
 // Prints the granularity used, and a line for each mask.

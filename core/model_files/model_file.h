@@ -19,6 +19,10 @@ namespace pepeseg {
 // INVALID_ARGUMENT: the number of features differs from the number of Gaussians.
 absl::Status WriteModel(const std::filesystem::path& folder, const Model& model);
 
+// Metrics of an early model (core/train/early_field.h): steps of stage one done, and their number.
+inline constexpr char kEarlyStep[] = "early_step";
+inline constexpr char kEarlyNumSteps[] = "early_num_steps";
+
 // Reads the shape from model.json and the header of gaussians.ply alone. DATA_LOSS: one of them is
 // missing or malformed.
 absl::StatusOr<ModelShape> ReadModelShape(const std::filesystem::path& folder);

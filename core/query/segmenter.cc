@@ -7,6 +7,7 @@
 #include "core/base/status_macros.h"
 #include "core/query/decompose.h"
 #include "core/query/mask_geometry.h"
+#include "core/query/packed_mask.h"
 #include "core/query/prompt.h"
 #include "core/render/feature_maps.h"
 #include "core/render/renderer.h"
@@ -40,11 +41,18 @@ absl::Status CheckSubset(const GaussianSet* subset, const Model& model) {
                                                  " Gaussians, the model has ", count));
 }
 
-// The masks' boxes do not need the device.
-void FindBoxes(std::span<SegmentResult> results) {
-  for (SegmentResult& result : results) {
+// Unpacks the masks and finds their boxes. Nothing of this needs the device.
+std::vector<SegmentResult> Unpacked(std::vector<PackedResult> packed) {
+  std::vector<SegmentResult> results;
+  results.reserve(packed.size());
+  for (PackedResult& one : packed) {
+    SegmentResult& result = one.result;
+    result.mask.pixels.resize(static_cast<size_t>(result.width) * result.height);
+    UnpackMask(one.bits, result.mask.pixels);
     if (result.area > 0) FindBox(result.mask.pixels, result.width, result.box);
+    results.push_back(std::move(result));
   }
+  return results;
 }
 
 }  // namespace
@@ -103,15 +111,14 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(const Query& query
                                                               const SegmentOptions& options) const {
   RETURN_IF_ERROR(CheckQuery(query));
   for (const ModelView& target : targets) RETURN_IF_ERROR(CheckView(target));
-  std::vector<SegmentResult> results;
+  std::vector<PackedResult> results;
   results.reserve(targets.size());
   for (const ModelView& target : targets) {
     results.push_back(EmptyResult(query, target, options, model().field));
   }
   RETURN_IF_ERROR(state_->WithDevice(
       [&] { return state_->features.Segment(query, targets, options, results); }));
-  FindBoxes(results);
-  return results;
+  return Unpacked(std::move(results));
 }
 
 absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(std::span<const Query> queries,
@@ -119,7 +126,7 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(std::span<const Qu
                                                               const SegmentOptions& options) const {
   RETURN_IF_ERROR(CheckView(target));
   for (const Query& query : queries) RETURN_IF_ERROR(CheckQuery(query));
-  std::vector<SegmentResult> results;
+  std::vector<PackedResult> results;
   results.reserve(queries.size());
   for (const Query& query : queries) {
     results.push_back(EmptyResult(query, target, options, model().field));
@@ -131,8 +138,7 @@ absl::StatusOr<std::vector<SegmentResult>> Segmenter::Segment(std::span<const Qu
     }
     return absl::OkStatus();
   }));
-  FindBoxes(results);
-  return results;
+  return Unpacked(std::move(results));
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::PointFeatures(

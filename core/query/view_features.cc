@@ -32,19 +32,20 @@ std::vector<float> PositiveFirst(const Query& query) {
 
 }  // namespace
 
-SegmentResult EmptyResult(const Query& query, const ModelView& target,
-                          const SegmentOptions& options, const FeatureField& field) {
-  SegmentResult result;
+PackedResult EmptyResult(const Query& query, const ModelView& target, const SegmentOptions& options,
+                         const FeatureField& field) {
+  PackedResult packed;
+  SegmentResult& result = packed.result;
   result.view = target.name;
   result.width = target.camera.width;
   result.height = target.camera.height;
   result.scale = query.scale;
   result.scale_units = ScaleOfQuantile(field, query.scale);
   result.threshold = query.threshold;
-  const size_t num_pixels = static_cast<size_t>(result.width) * result.height;
-  result.mask.pixels.resize(num_pixels);
-  if (options.want_similarity) result.similarity.resize(num_pixels);
-  return result;
+  const int64_t num_pixels = int64_t{result.width} * result.height;
+  packed.bits.resize(static_cast<size_t>(NumMaskWords(num_pixels)));
+  if (options.want_similarity) result.similarity.resize(static_cast<size_t>(num_pixels));
+  return packed;
 }
 
 ViewFeatures::ViewFeatures(Renderer& renderer, const Model& model, MapCounts* counts)
@@ -57,6 +58,7 @@ ViewFeatures::ViewFeatures(Renderer& renderer, const Model& model, MapCounts* co
 void ViewFeatures::ReleaseOversized() {
   if (mask_.capacity() <= WithReserve(MostPixels(LargestView(model_.views)))) return;
   mask_ = {};
+  bits_ = {};
   refined_ = {};
   similarity_ = {};
 }
@@ -109,8 +111,7 @@ absl::StatusOr<std::vector<float>> ViewFeatures::Similarity(std::span<const floa
 }
 
 absl::Status ViewFeatures::Segment(const Query& query, std::span<const ModelView> targets,
-                                   const SegmentOptions& options,
-                                   std::span<SegmentResult> results) {
+                                   const SegmentOptions& options, std::span<PackedResult> results) {
   std::vector<float> inputs(kFeatureSize);
   PsiAt(model_.field.gate, static_cast<float>(query.scale), inputs.data());
   const std::vector<float> features = PositiveFirst(query);
@@ -125,14 +126,15 @@ absl::Status ViewFeatures::Segment(const Query& query, std::span<const ModelView
 }
 
 absl::Status ViewFeatures::SegmentView(const Query& query, const ModelView& target,
-                                       const SegmentOptions& options, SegmentResult& result) {
+                                       const SegmentOptions& options, PackedResult& packed) {
   ASSIGN_OR_RETURN(const FeatureMap map, maps_.Get(target));
   const int64_t num_pixels = map.features.size / kFeatureSize;
   const bool refine = options.refine_borders, with_similarity = refine || options.want_similarity;
   mask_.Reserve(backend_, num_pixels);
+  bits_.Reserve(backend_, NumMaskWords(num_pixels));
   if (refine) refined_.Reserve(backend_, num_pixels);
   if (with_similarity) similarity_.Reserve(backend_, num_pixels);
-  if (inputs_.empty() || mask_.empty() || (refine && refined_.empty()) ||
+  if (inputs_.empty() || mask_.empty() || bits_.empty() || (refine && refined_.empty()) ||
       (with_similarity && similarity_.empty())) {
     return absl::ResourceExhaustedError("no memory for the mask of a view");
   }
@@ -160,7 +162,9 @@ absl::Status ViewFeatures::SegmentView(const Query& query, const ModelView& targ
                            .refined = refined_.span(),
                            .sums = sums_.span()});
   }
-  (refine ? refined_ : mask_).Download(std::span<uint8_t>(result.mask.pixels));
+  backend_.PackMask({std::as_const(refine ? refined_ : mask_).span(), bits_.span()});
+  bits_.Download(std::span<uint32_t>(packed.bits));
+  SegmentResult& result = packed.result;
   int64_t sum[kNumSegmentSums] = {};
   sums_.Download(std::span<int64_t>(sum));
   if (sum[kNumInside] > 0) {

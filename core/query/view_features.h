@@ -50,11 +50,18 @@ struct LevelCounts {
   std::vector<int32_t> pixels;
 };
 
+// A result whose mask is packed as it comes from the device (PackMask), and has neither pixels nor
+// a box yet: that work does not need the device.
+struct PackedResult {
+  SegmentResult result;
+  std::vector<uint32_t> bits;
+};
+
 // Returns the result of a query in a view before the mask is known: all pixels are outside. Takes
-// the memory of a mask, and with want_similarity that of the similarities, so that the holder of
-// the device lock need not.
-SegmentResult EmptyResult(const Query& query, const ModelView& target,
-                          const SegmentOptions& options, const FeatureField& field);
+// the memory of the packed mask, and with want_similarity that of the similarities, so that the
+// holder of the device lock need not.
+PackedResult EmptyResult(const Query& query, const ModelView& target, const SegmentOptions& options,
+                         const FeatureField& field);
 
 // Computes masks and similarities from the feature maps of a model's views, on the device. For one
 // thread at a time, which must hold the device lock. Views, queries and scales are taken as valid
@@ -76,7 +83,7 @@ class ViewFeatures {
   // Writes the masks of a query in the target views, and their areas, scores and similarities, to
   // `results`: those of EmptyResult, in the order of the targets.
   absl::Status Segment(const Query& query, std::span<const ModelView> targets,
-                       const SegmentOptions& options, std::span<SegmentResult> results);
+                       const SegmentOptions& options, std::span<PackedResult> results);
   // Returns how the masks of a query overlap at all pairs of scales and thresholds.
   absl::StatusOr<LevelCounts> CountLevels(const Query& query, std::span<const double> scales,
                                           std::span<const float> thresholds,
@@ -91,7 +98,7 @@ class ViewFeatures {
 
  private:
   absl::Status SegmentView(const Query& query, const ModelView& target,
-                           const SegmentOptions& options, SegmentResult& result);
+                           const SegmentOptions& options, PackedResult& packed);
   // Returns the gates psi(scale): [scales, 32].
   Buffer<float> GatesAt(std::span<const double> scales) const;
 
@@ -103,6 +110,7 @@ class ViewFeatures {
   Buffer<Half> at_pixels_;  // [pixels, 32]
   Buffer<float> inputs_;    // [1 + features, 32] the gate, then the features of the query
   Buffer<uint8_t> mask_, refined_;
+  Buffer<uint32_t> bits_;  // of the mask
   Buffer<float> similarity_;
   Buffer<int64_t> sums_;
 };

@@ -19,6 +19,7 @@
 #include "core/formats/gaussian_ply.h"
 #include "core/model_files/model_file.h"
 #include "core/reconstruct/trainer.h"
+#include "core/train/early_field.h"
 #include "core/train/model_writing.h"
 #include "core/train/pose_stage.h"
 #include "core/train/prepare_files.h"
@@ -225,9 +226,15 @@ absl::StatusOr<Gaussians> Training::RunStageOne() {
   stages_.WarnIf(WarningOfBlurred(scene_.capture, trainer->blurred()));
   stages_.LookEveryFewSteps([this] { ExpectLessOfSam(); });
   Previews previews(scene_.capture, *trainer, observer_);
+  EarlyField early(
+      {scene_.capture, model_, settings_.features, inputs_.folders.run / kEarlyFolder}, *trainer,
+      QueueForEarlyField(backend_, scene_.capture, settings_.reconstruct, settings_.features),
+      observer_);
   ASSIGN_OR_RETURN(Gaussians gaussians,
-                   RunStage(*trainer, checkpoints, stages_,
-                            [&](const StepReport& report) { return previews.ShowIfDue(report); }));
+                   RunStage(*trainer, checkpoints, stages_, [&](const StepReport& report) {
+                     early.Advance(report);
+                     return previews.ShowIfDue(report);
+                   }));
   RETURN_IF_ERROR(CheckDevice());
   return gaussians;
 }

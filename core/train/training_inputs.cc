@@ -34,7 +34,7 @@ void RemoveIntermediates(const TrainingFolders& folders) {
   std::filesystem::remove_all(folders.priors, ignored);
   // Only the intermediate folders of this run go: the model lies next to them.
   for (const char* name :
-       {kHeicFolder, kFramesFolder, kPosesFolder, kReconstructFolder, kGivenFolder}) {
+       {kHeicFolder, kFramesFolder, kPosesFolder, kEarlyFolder, kReconstructFolder, kGivenFolder}) {
     std::filesystem::remove_all(folders.run / name, ignored);
   }
 }

@@ -20,7 +20,8 @@ inline constexpr char kHeicFolder[] = "heic";                // JPEGs of HEIC ph
 inline constexpr char kFramesFolder[] = "frames";            // JPEGs of video frames
 inline constexpr char kPosesFolder[] = "poses";              // COLMAP's result
 inline constexpr char kReconstructFolder[] = "reconstruct";  // stage one's result, as a model
-inline constexpr char kGivenFolder[] = "given";              // given Gaussians, as a model
+inline constexpr char kEarlyFolder[] = "early";  // a first model for clicks, see EarlyField
+inline constexpr char kGivenFolder[] = "given";  // given Gaussians, as a model
 
 // Where a training leaves the files of its stages and finds those of earlier runs. A training that
 // was interrupted is run again with the same inputs and options, in a folder of its own.

@@ -84,7 +84,8 @@ class TrainingObserver {
   virtual absl::Status ShowPreview(const Preview&) { return absl::OkStatus(); }
   // Returns the time from stage two's first step to the first call of KeepSnapshot,
   // seconds; further ones follow as PreviewSchedule says. Absent: none. The Gaussians are then
-  // below the run's folder as a model, in kReconstructFolder or kGivenFolder.
+  // below the run's folder as a model, in kReconstructFolder or kGivenFolder. If it is there, stage
+  // one may write a model with a field to kEarlyFolder, see EarlyField.
   virtual std::optional<double> FirstSnapshotSeconds() const { return std::nullopt; }
   virtual absl::Status KeepSnapshot(FieldSnapshot) { return absl::OkStatus(); }
   virtual absl::Status EndStage(const StageEnd&) { return absl::OkStatus(); }

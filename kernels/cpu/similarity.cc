@@ -122,6 +122,25 @@ void CpuBackend::SegmentPixels(const SegmentPixelsArgs& args) {
   args.sums.data[kSimilaritySum] = similarity;
 }
 
+// A multiplication gathers eight bytes of 0 or 1 into the upper byte.
+void CpuBackend::PackMask(const PackMaskArgs& args) {
+  if (failed()) return;
+  constexpr uint64_t kGather = 0x0102'0408'1020'4080;
+  const uint8_t* const mask = args.mask.data;
+  for (int64_t word = 0; word < args.bits.size; ++word) {
+    const int64_t first = 32 * word, count = std::min<int64_t>(32, args.mask.size - first);
+    uint8_t pixels[32] = {};
+    std::memcpy(pixels, mask + first, static_cast<size_t>(count));
+    uint32_t bits = 0;
+    for (int i = 0; i < 4; ++i) {
+      uint64_t eight;
+      std::memcpy(&eight, pixels + 8 * i, 8);
+      bits |= static_cast<uint32_t>((eight * kGather) >> 56) << (8 * i);
+    }
+    args.bits.data[word] = bits;
+  }
+}
+
 namespace {
 
 // Writes the threshold levels of `count` pixels.

@@ -142,6 +142,7 @@ class CudaBackend final : public Backend {
   void Similarity(const SimilarityArgs& args) override;
   void SegmentPixels(const SegmentPixelsArgs& args) override;
   void RefineBorder(const RefineBorderArgs& args) override;
+  void PackMask(const PackMaskArgs& args) override;
   void LevelOverlaps(const LevelOverlapsArgs& args) override;
   void SpanningTree(const SpanningTreeArgs& args) override;
   void MatchDescriptors(const MatchDescriptorsArgs& args) override;

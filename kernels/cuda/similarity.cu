@@ -23,6 +23,8 @@
 // Counts and similarities are added over the warp and then by one atomic per warp; similarities are
 // rounded to integers first, so the sums are exact in any order and the same in every run.
 //
+// PackMask: one thread per pixel; a warp's ballot is a word.
+//
 // LevelOverlaps: the threshold level of each pixel at each scale, and how many pixels have each
 // pair of levels at each pair of scales. Two launches, ordered by the stream:
 //   LevelKernel    one thread per pixel at scale blockIdx.y; gated queries are in up to 32 KiB of
@@ -216,6 +218,25 @@ void CudaBackend::SegmentPixels(const SegmentPixelsArgs& args) {
        args.similarity.size > 0 ? args.similarity.data : nullptr,
        reinterpret_cast<unsigned long long*>(args.sums.data)});
   Launched("segment pixels");
+}
+
+namespace {
+
+__global__ void __launch_bounds__(kBlock)
+    PackMaskKernel(const uint8_t* mask, int64_t num_pixels, uint32_t* bits) {
+  const int64_t pixel = int64_t{blockIdx.x} * kBlock + threadIdx.x;
+  const unsigned word = __ballot_sync(~0u, pixel < num_pixels && mask[pixel] != 0);
+  if (threadIdx.x % 32 == 0 && pixel < num_pixels) bits[pixel / 32] = word;
+}
+
+}  // namespace
+
+void CudaBackend::PackMask(const PackMaskArgs& args) {
+  const Turn turn(*this);
+  if (!turn || args.mask.size == 0) return;
+  PackMaskKernel<<<NumBlocks(args.mask.size, kBlock), kBlock, 0, stream_>>>(
+      args.mask.data, args.mask.size, args.bits.data);
+  Launched("pack mask");
 }
 
 namespace {

@@ -59,6 +59,14 @@ struct RefineBorderArgs {
   DeviceSpan<int64_t> sums;  // [kNumSegmentSums] those of `mask`, become those of `refined`
 };
 
+// Packs a mask, so that an eighth of its bytes goes to the host. Bit i % 32 of word i / 32 is pixel
+// i; the bits after the last pixel are 0.
+struct PackMaskArgs {
+  DeviceSpan<const uint8_t> mask;  // [num_pixels] 0 or 1
+  DeviceSpan<uint32_t> bits;       // [NumMaskWords(num_pixels)]
+};
+constexpr int64_t NumMaskWords(int64_t num_pixels) { return (num_pixels + 31) / 32; }
+
 // Compares the masks of one query at many scales and thresholds. The threshold level of a pixel at
 // a scale is the number of thresholds that its largest similarity to the first num_positive queries
 // exceeds, or 0 if another query is at least as similar. The mask at threshold t is the pixels with

@@ -31,7 +31,8 @@ absl::Status NoSnapshotError(const JobRecord& job) {
   return WithDetail(
       absl::UnavailableError(absl::StrCat(
           JobName(job.id), " ", why,
-          ": it answers from about a second after the first step of stage features on")),
+          ": it answers from about a second after the first step of stage features on; a GPU with "
+          "room for it answers earlier, in stage reconstruct")),
       {.reason = "NO_SNAPSHOT", .resource = JobName(job.id), .retry_after = kRetryAfter});
 }
 
@@ -59,13 +60,13 @@ class CopiedGaussians {
   CopiedGaussians(const CopiedGaussians&) = delete;
   CopiedGaussians& operator=(const CopiedGaussians&) = delete;
 
-  absl::Status Copy(const JobFolder& folder, int64_t fence, int64_t max_bytes) {
+  absl::Status Copy(const JobFolder& folder, const SnapshotStamp& stamp, int64_t max_bytes) {
     std::error_code error;
     fs::create_directories(scratch_, error);
     std::string path = scratch_ / "snapshot-XXXXXX";
     if (mkdtemp(path.data()) == nullptr) return FileError(path, "make", errno);
     path_ = path;
-    return CopySnapshotGaussians(folder, fence, path_, max_bytes);
+    return CopySnapshotGaussians(folder, stamp, path_, max_bytes);
   }
   const fs::path& path() const { return path_; }
 
@@ -82,6 +83,20 @@ absl::StatusOr<Model> WithFeatures(Model model, FeatureField field) {
                                             model.gaussians.count, " Gaussians"));
   }
   model.field = std::move(field);
+  return model;
+}
+
+bool HaveSameGaussians(const SnapshotStamp& a, const SnapshotStamp& b) {
+  return a.fence == b.fence && a.is_early == b.is_early;
+}
+
+// Reads an early model, and describes it.
+absl::StatusOr<Model> ReadEarlyModel(const fs::path& folder, v1::Snapshot& snapshot) {
+  ASSIGN_OR_RETURN(Model model, ReadModel(folder));
+  if (model.field.empty()) return absl::DataLossError("the early model has no features");
+  snapshot.set_stage(v1::JOB_STAGE_RECONSTRUCT);
+  snapshot.set_step(static_cast<int64_t>(model.metrics[kEarlyStep]));
+  snapshot.set_num_steps(static_cast<int64_t>(model.metrics[kEarlyNumSteps]));
   return model;
 }
 
@@ -139,7 +154,7 @@ absl::StatusOr<ResidentModel> JobSnapshots::LoadNewest(const JobRecord& job) {
     if (auto older = FindResident(job, *entry)) return *std::move(older);
     loading.lock();
   }
-  const std::optional<SnapshotStamp> newest = FindSnapshotFile(FolderOf(job.id), job.fence);
+  const std::optional<SnapshotStamp> newest = FindSnapshot(FolderOf(job.id), job.fence);
   std::optional<ResidentModel> older = FindResident(job, *entry);
   // Only the holder of `loading` changes these two.
   const bool is_new = newest && newest != entry->unusable && (!older || newest != entry->stamp);
@@ -169,7 +184,7 @@ absl::StatusOr<ResidentModel> JobSnapshots::LoadFile(const JobRecord& job,
                                                      const SnapshotStamp& stamp,
                                                      const ResidentModel* older, Entry& entry) {
   const JobFolder folder = FolderOf(job.id);
-  if (older != nullptr && entry.stamp->fence != stamp.fence) older = nullptr;
+  if (older != nullptr && !HaveSameGaussians(*entry.stamp, stamp)) older = nullptr;
   CopiedGaussians copied(scratch_);
   v1::Snapshot snapshot = entry.stamp == stamp ? entry.snapshot : v1::Snapshot();
   snapshot.set_job(JobName(job.id));
@@ -181,10 +196,12 @@ absl::StatusOr<ResidentModel> JobSnapshots::LoadFile(const JobRecord& job,
   loadable.shape = [&]() -> absl::StatusOr<ModelShape> {
     if (older != nullptr) return ShapeOf((*older)->model());
     // Already there if another device had no room.
-    if (copied.path().empty()) RETURN_IF_ERROR(copied.Copy(folder, stamp.fence, MaxBytes()));
+    if (copied.path().empty()) RETURN_IF_ERROR(copied.Copy(folder, stamp, MaxBytes()));
     return ReadModelShape(copied.path());
   };
   loadable.read = [&]() -> absl::StatusOr<Model> {
+    if (stamp.is_early) return ReadEarlyModel(copied.path(), snapshot);
+    snapshot.set_stage(v1::JOB_STAGE_FEATURES);
     ASSIGN_OR_RETURN(SnapshotFile read, ReadSnapshotFile(folder, job.id, stamp.fence, MaxBytes()));
     snapshot.set_step(read.step);
     snapshot.set_num_steps(read.num_steps);

@@ -59,9 +59,13 @@ std::filesystem::path JobFolder::frames(int64_t fence) const { return attempt(fe
 
 std::filesystem::path JobFolder::poses(int64_t fence) const { return attempt(fence) / "poses"; }
 
+std::filesystem::path JobFolder::early(int64_t fence) const { return attempt(fence) / "early"; }
+
 std::filesystem::path JobFolder::reconstruction(int64_t fence) const {
   return attempt(fence) / "reconstruct";
 }
+
+std::filesystem::path JobFolder::given(int64_t fence) const { return attempt(fence) / "given"; }
 
 std::filesystem::path JobFolder::checkpoints(int64_t fence) const {
   return attempt(fence) / "checkpoints";

@@ -23,11 +23,11 @@
 //   work/snapshot-FENCE      the field as stage two trains it (snapshot_file.h)
 //   work/sfm.log             COLMAP's output, where it estimated poses
 //   work/attempt-FENCE/      the model, once its manifest is there, with embeddings of its
-//                            photographs (core/priors/sam/sam_embedding.h); reconstruct/: stage
-//                            one's result, or given/: the dataset's Gaussians, both as a model
-//                            without features; checkpoints/: state of the stages; frames/ of
-//                            videos, heic/ and poses/ of stage sfm: each whole once its own
-//                            manifest is there
+//                            photographs (core/priors/sam/sam_embedding.h); early/: a first
+//                            model, for clicks; reconstruct/: stage one's result, or given/: the
+//                            dataset's Gaussians, both as a model without features; checkpoints/:
+//                            state of the stages; frames/ of videos, heic/ and poses/ of stage sfm:
+//                            each whole once its own manifest is there
 //   work/priors/             files of the priors command, and how it ended
 //                            (core/train/priors_command.h); sam/: SAM's masks and
 //                            embeddings of the photographs that are done
@@ -56,7 +56,9 @@ class JobFolder {
   std::filesystem::path attempt(int64_t fence) const;
   std::filesystem::path frames(int64_t fence) const;
   std::filesystem::path poses(int64_t fence) const;
+  std::filesystem::path early(int64_t fence) const;
   std::filesystem::path reconstruction(int64_t fence) const;
+  std::filesystem::path given(int64_t fence) const;
   std::filesystem::path checkpoints(int64_t fence) const;
   std::filesystem::path snapshot(int64_t fence) const;
   // Returns the folder of masks and depth maps, which all attempts share.

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/model_files/checkpoint.h"
+#include "core/model_files/manifest.h"
 #include "server/worker_protocol/beneath_folder.h"
 
 namespace pepeseg {
@@ -49,6 +50,12 @@ absl::StatusOr<SnapshotFile> Parse(const Checkpoint& file, const std::string& jo
   return snapshot;
 }
 
+// Opens a folder of an attempt, a path below work/.
+absl::StatusOr<BeneathFolder> OpenBelow(const BeneathFolder& work,
+                                        const std::filesystem::path& folder) {
+  return work.OpenFolder(folder.parent_path().filename() / folder.filename());
+}
+
 }  // namespace
 
 absl::Status WriteSnapshotFile(const std::filesystem::path& path, const SnapshotFile& snapshot) {
@@ -60,12 +67,17 @@ absl::Status WriteSnapshotFile(const std::filesystem::path& path, const Snapshot
                          sections);
 }
 
-std::optional<SnapshotStamp> FindSnapshotFile(const JobFolder& folder, int64_t fence) {
+std::optional<SnapshotStamp> FindSnapshot(const JobFolder& folder, int64_t fence) {
   const absl::StatusOr<BeneathFolder> work = BeneathFolder::Open(folder.work());
   if (!work.ok()) return std::nullopt;
-  const auto facts = work->Look(folder.snapshot(fence).filename());
+  if (const auto facts = work->Look(folder.snapshot(fence).filename())) {
+    return SnapshotStamp{fence, facts->modified, facts->num_bytes};
+  }
+  const absl::StatusOr<BeneathFolder> early = OpenBelow(*work, folder.early(fence));
+  if (!early.ok()) return std::nullopt;
+  const auto facts = early->Look(kManifestName);
   if (!facts) return std::nullopt;
-  return SnapshotStamp{fence, facts->modified, facts->num_bytes};
+  return SnapshotStamp{fence, facts->modified, facts->num_bytes, /*is_early=*/true};
 }
 
 absl::StatusOr<SnapshotFile> ReadSnapshotFile(const JobFolder& folder, const std::string& job,
@@ -80,12 +92,14 @@ absl::StatusOr<SnapshotFile> ReadSnapshotFile(const JobFolder& folder, const std
   return absl::DataLossError(absl::StrCat(name, ": ", snapshot.status().message()));
 }
 
-absl::Status CopySnapshotGaussians(const JobFolder& folder, int64_t fence,
+absl::Status CopySnapshotGaussians(const JobFolder& folder, const SnapshotStamp& stamp,
                                    const std::filesystem::path& to, int64_t max_bytes) {
   ASSIGN_OR_RETURN(const BeneathFolder work, BeneathFolder::Open(folder.work()));
-  const std::filesystem::path attempt = folder.attempt(fence).filename();
-  absl::StatusOr<BeneathFolder> model = work.OpenFolder(attempt / "reconstruct");
-  if (absl::IsNotFound(model.status())) model = work.OpenFolder(attempt / "given");
+  absl::StatusOr<BeneathFolder> model = OpenBelow(
+      work, stamp.is_early ? folder.early(stamp.fence) : folder.reconstruction(stamp.fence));
+  if (absl::IsNotFound(model.status()) && !stamp.is_early) {
+    model = OpenBelow(work, folder.given(stamp.fence));
+  }
   RETURN_IF_ERROR(model.status());
   return model->CopyFiles(to, max_bytes);
 }

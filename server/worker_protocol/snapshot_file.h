@@ -27,26 +27,28 @@ struct SnapshotFile {
 // format of features.bin (core/model_files/model_file.h). INVALID_ARGUMENT: the field is malformed.
 absl::Status WriteSnapshotFile(const std::filesystem::path& path, const SnapshotFile& snapshot);
 
-// Identifies one of the files that a job has written, one after the other.
+// Identifies one of the snapshots that a job has written, one after the other.
 struct SnapshotStamp {
   int64_t fence = 0;
   absl::Time modified;
   int64_t num_bytes = 0;
+  bool is_early = false;  // it is the model in JobFolder::early, and has no file
 
   bool operator==(const SnapshotStamp&) const = default;
 };
-// Returns the stamp of the file that an attempt has written last; nullopt: there is none yet.
-std::optional<SnapshotStamp> FindSnapshotFile(const JobFolder& folder, int64_t fence);
+// Returns the stamp of the file that an attempt has written last, or that of its early model if it
+// has written no file yet; nullopt: there is neither.
+std::optional<SnapshotStamp> FindSnapshot(const JobFolder& folder, int64_t fence);
 
 // Reads the file, which is a worker's and is not trusted. DATA_LOSS: the bytes are damaged or
 // malformed, or of another job or attempt. Other errors as BeneathFolder::ReadFile.
 absl::StatusOr<SnapshotFile> ReadSnapshotFile(const JobFolder& folder, const std::string& job,
                                               int64_t fence, int64_t max_bytes);
-// Copies the model without features that the Gaussians of an attempt's snapshots are in to the
-// folder `to`. It is a worker's and is not trusted, but the copy cannot be changed by the worker.
-// Errors as BeneathFolder::CopyFiles. NOT_FOUND: stage one has not ended, or the attempt has its
-// model.
-absl::Status CopySnapshotGaussians(const JobFolder& folder, int64_t fence,
+// Copies the model that the Gaussians of a snapshot are in to the folder `to`: without features,
+// but for an early model. It is a worker's and is not trusted, but the copy cannot be changed by
+// the worker. Errors as BeneathFolder::CopyFiles. NOT_FOUND: stage one has not ended, or the
+// attempt has its model.
+absl::Status CopySnapshotGaussians(const JobFolder& folder, const SnapshotStamp& stamp,
                                    const std::filesystem::path& to, int64_t max_bytes);
 
 }  // namespace pepeseg

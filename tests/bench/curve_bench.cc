@@ -1,5 +1,6 @@
 // Measures error against time of stage one: trains on a capture pack and scores the held-out views
-// at fixed shares of the run, with the clock stopped. One table row per score.
+// at fixed shares of the run, with the clock stopped. One table row per score. With --gaussians it
+// scores the PLY of any trainer, such as a rival's, on the same views.
 
 #include <cstdio>
 #include <iostream>
@@ -8,6 +9,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/evaluate/image_scores.h"
+#include "core/formats/gaussian_ply.h"
 #include "core/reconstruct/trainer.h"
 #include "tests/bench/bench_backend.h"
 #include "tests/bench/capture_faults.h"
@@ -18,7 +20,7 @@ namespace pepeseg {
 namespace {
 
 struct BenchOptions : StageOptions {
-  std::string pack;
+  std::string pack, gaussians;
   std::string device = "cpu";
   std::string name = "run";
   int num_scores = 10;
@@ -88,6 +90,15 @@ absl::Status Run(const BenchOptions& options) {
   std::vector<KernelTime> times;
   const auto backend = MakeBenchBackend(options.device, 0, options.kernels ? &times : nullptr);
   if (backend == nullptr) return absl::UnavailableError("no such device");
+  if (!options.gaussians.empty()) {
+    ASSIGN_OR_RETURN(const Gaussians gaussians,
+                     ReadGaussianPly(options.gaussians, options.gaussians));
+    ASSIGN_OR_RETURN(const std::string cells, Score(*backend, capture, gaussians));
+    std::printf("| run | Gaussians | PSNR | SSIM | PSNR by view |\n|---|---|---|---|---|\n");
+    std::printf("| %s | %ld | %s |\n", options.name.c_str(), static_cast<long>(gaussians.count),
+                cells.c_str());
+    return absl::OkStatus();
+  }
   std::printf(
       "| run | seed | step | stage one s | Gaussians | PSNR | SSIM | PSNR by view | loss | "
       "overflowed renders | MB | stage one core s "
@@ -113,6 +124,8 @@ int main(int argc, char** argv) {
   app.add_option("pack", options.pack)->required();
   app.add_option("--device", options.device, "cpu or cuda");
   app.add_option("--name", options.name, "first column");
+  app.add_option("--gaussians", options.gaussians, "PLY to score in place of a training")
+      ->check(CLI::ExistingFile);
   app.add_option("--scores", options.num_scores);
   app.add_option("--seeds", options.num_seeds);
   pepeseg::AddFaultFlags(app, options.faults);

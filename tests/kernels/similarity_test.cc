@@ -257,5 +257,25 @@ TEST_P(LevelOverlapsTest, AcceptsTheMostScalesThresholdsAndQueries) {
   ExpectCounts(kMaxLevelScales, kMaxQueries, 100, thresholds);
 }
 
+class PackMaskTest : public BackendTest {};
+INSTANTIATE_TEST_SUITE_P(Backends, PackMaskTest, AllBackends(), BackendName);
+
+TEST_P(PackMaskTest, HasABitForEachPixelAndZerosAfterTheLast) {
+  for (const int num_pixels : {1, 31, 32, 33, 500, 1'000}) {
+    const std::vector<float> values = RandomValues(num_pixels, 7);
+    std::vector<uint8_t> mask(values.size());
+    std::vector<uint32_t> want(static_cast<size_t>(NumMaskWords(num_pixels)));
+    for (size_t i = 0; i < mask.size(); ++i) {
+      mask[i] = values[i] > 0.1f ? 1 : 0;
+      want[i / 32] |= uint32_t{mask[i]} << (i % 32);
+    }
+    const Buffer<uint8_t> pixels(*backend_, std::span<const uint8_t>(mask));
+    const std::vector<uint32_t> ones(want.size(), ~0u);  // all of them must be written
+    Buffer<uint32_t> bits(*backend_, std::span<const uint32_t>(ones));
+    backend_->PackMask({pixels.span(), bits.span()});
+    EXPECT_EQ(Download(bits), want) << num_pixels;
+  }
+}
+
 }  // namespace
 }  // namespace pepeseg

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "core/base/status_macros.h"
 #include "core/evaluate/mask_scores.h"
 #include "core/query/resolve_prompt.h"
 #include "tests/core/query/trained_scene.h"

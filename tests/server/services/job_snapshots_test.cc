@@ -3,8 +3,10 @@
 
 #include <filesystem>
 #include <fstream>
+#include <numeric>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "core/model_files/model_file.h"
 #include "server/store/layout.h"
@@ -41,6 +43,14 @@ struct JobSnapshotsTest : EmptyScene {
     const fs::path to = FolderOf(job).attempt(1) / folder;
     fs::create_directories(to);
     EXPECT_OK(WriteModel(to, without));
+  }
+  // Writes the model of an unfinished stage one, as a worker does.
+  void WriteEarlyModel() const {
+    Model early = model;
+    early.metrics[kEarlyStep] = 15;
+    early.metrics[kEarlyNumSteps] = 90;
+    fs::create_directories(FolderOf(job).early(1));
+    EXPECT_OK(WriteModel(FolderOf(job).early(1), early));
   }
   SnapshotFile At(int64_t step) const { return {job.substr(5), 1, step, 100, model.field}; }
   void Write(const SnapshotFile& snapshot) const {
@@ -86,6 +96,7 @@ TEST_F(JobSnapshotsTest, AnswerByTheNewestOne) {
   ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
   EXPECT_EQ(answer.model(), job);
   EXPECT_EQ(answer.snapshot().job(), job);
+  EXPECT_EQ(answer.snapshot().stage(), v1::JOB_STAGE_FEATURES);
   EXPECT_EQ(answer.snapshot().step(), 10);
   EXPECT_EQ(answer.snapshot().num_steps(), 100);
   EXPECT_GE(answer.masks(0).area(), 29 * 29);  // the red square
@@ -94,6 +105,36 @@ TEST_F(JobSnapshotsTest, AnswerByTheNewestOne) {
   EXPECT_EQ(StepNow(), 20);
   EXPECT_EQ(StepNow(), 20);
   EXPECT_EQ(Resident(), std::set<std::string>{job});
+}
+
+TEST_F(JobSnapshotsTest, AnswerByAnEarlyModelUntilStageTwoHasOne) {
+  WriteEarlyModel();
+  ASSERT_OK_AND_ASSIGN(const auto early, Segment());
+  EXPECT_EQ(early.snapshot().stage(), v1::JOB_STAGE_RECONSTRUCT);
+  EXPECT_EQ(early.snapshot().step(), 15);
+  EXPECT_EQ(early.snapshot().num_steps(), 90);
+  EXPECT_GE(early.masks(0).area(), 29 * 29);
+  WriteGaussians();
+  EXPECT_EQ(StepNow(), 15);
+  // Those of stage two are other Gaussians, one less here.
+  std::vector<int64_t> rows(static_cast<size_t>(model.gaussians.count - 1));
+  std::iota(rows.begin(), rows.end(), 0);
+  model.gaussians = model.gaussians.Select(rows);
+  model.field.features.resize(rows.size() * kFeatureDim);
+  model.field.confidence.resize(rows.size());
+  WriteGaussians();
+  Write(At(10));
+  ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
+  EXPECT_EQ(answer.snapshot().stage(), v1::JOB_STAGE_FEATURES);
+  EXPECT_EQ(answer.snapshot().step(), 10);
+  EXPECT_EQ(Resident(), std::set<std::string>{job});
+}
+
+TEST_F(JobSnapshotsTest, RefuseAnEarlyModelWithoutFeatures) {
+  model.field = {};
+  WriteEarlyModel();
+  ExpectNoSnapshot(job);
+  EXPECT_TRUE(fs::is_empty(ScratchFolder(running.options.data)));
 }
 
 TEST_F(JobSnapshotsTest, AnswerForGaussiansOfTheDataset) {

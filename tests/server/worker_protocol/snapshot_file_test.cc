@@ -48,13 +48,13 @@ TEST_F(SnapshotFileTest, IsReadAsWritten) {
 }
 
 TEST_F(SnapshotFileTest, HasAnotherStampWhenItIsReplaced) {
-  EXPECT_FALSE(FindSnapshotFile(job, 1));
-  const auto first = FindSnapshotFile(job, 2);
+  EXPECT_FALSE(FindSnapshot(job, 1));
+  const auto first = FindSnapshot(job, 2);
   ASSERT_TRUE(first);
-  EXPECT_EQ(FindSnapshotFile(job, 2), first);
+  EXPECT_EQ(FindSnapshot(job, 2), first);
   written.field.scale_quantiles.push_back(4);
   ASSERT_OK(WriteSnapshotFile(job.snapshot(2), written));
-  EXPECT_NE(FindSnapshotFile(job, 2), first);
+  EXPECT_NE(FindSnapshot(job, 2), first);
 }
 
 TEST_F(SnapshotFileTest, IsRefusedIfItIsOfAnotherJobOrAttempt) {
@@ -89,24 +89,74 @@ TEST_F(SnapshotFileTest, IsNotReadThroughALinkOrBeyondTheLimit) {
   EXPECT_TRUE(absl::IsFailedPrecondition(Read(100).status()));
   fs::rename(job.snapshot(2), folder / "elsewhere");
   fs::create_symlink(folder / "elsewhere", job.snapshot(2));
-  EXPECT_FALSE(FindSnapshotFile(job, 2));
+  EXPECT_FALSE(FindSnapshot(job, 2));
   EXPECT_FALSE(Read().ok());
 }
 
 TEST_F(SnapshotFileTest, HasGaussiansThatAreCopied) {
   const fs::path to = folder / "to";
   fs::create_directories(to);
-  EXPECT_TRUE(absl::IsNotFound(CopySnapshotGaussians(job, 2, to, kMany)));
+  const SnapshotStamp stamp = {.fence = 2};
+  EXPECT_TRUE(absl::IsNotFound(CopySnapshotGaussians(job, stamp, to, kMany)));
   const fs::path given = job.attempt(2) / "given";
   fs::create_directories(given / "below");
   ASSERT_OK(WriteFileAtomically(given / "model.json", "{}"));
   fs::create_symlink(job.snapshot(2), given / "link");
-  EXPECT_TRUE(absl::IsFailedPrecondition(CopySnapshotGaussians(job, 2, to, 1)));
+  EXPECT_TRUE(absl::IsFailedPrecondition(CopySnapshotGaussians(job, stamp, to, 1)));
   fs::remove(to / "model.json");
-  ASSERT_OK(CopySnapshotGaussians(job, 2, to, kMany));
+  ASSERT_OK(CopySnapshotGaussians(job, stamp, to, kMany));
   EXPECT_EQ(ReadFile(to / "model.json", "copy", kMany).value(), "{}");
   EXPECT_FALSE(fs::exists(to / "below"));
   EXPECT_FALSE(fs::exists(fs::symlink_status(to / "link")));
+}
+
+// The folder of attempt 2, in which a worker has written an early model.
+struct EarlySnapshotTest : ::testing::Test {
+  EarlySnapshotTest() {
+    EXPECT_OK(job.Make());
+    fs::create_directories(job.early(2));
+    EXPECT_OK(WriteFileAtomically(job.early(2) / "model.json", "early"));
+  }
+  void Finish() const { EXPECT_OK(WriteFileAtomically(job.early(2) / "manifest.json", "{}")); }
+
+  const testing::TempFolder folder;
+  const JobFolder job{folder / "j1"};
+};
+
+TEST_F(EarlySnapshotTest, CountsOnceItsManifestIsThere) {
+  EXPECT_FALSE(FindSnapshot(job, 2));
+  Finish();
+  const auto early = FindSnapshot(job, 2);
+  ASSERT_TRUE(early);
+  EXPECT_TRUE(early->is_early);
+  EXPECT_FALSE(FindSnapshot(job, 1));
+}
+
+TEST_F(EarlySnapshotTest, GivesWayToAFile) {
+  Finish();
+  EXPECT_OK(WriteSnapshotFile(job.snapshot(2), {"j1", 2, 1, 100, {}}));
+  const auto newest = FindSnapshot(job, 2);
+  ASSERT_TRUE(newest);
+  EXPECT_FALSE(newest->is_early);
+}
+
+TEST_F(EarlySnapshotTest, HasGaussiansOfItsOwn) {
+  Finish();
+  fs::create_directories(job.reconstruction(2));
+  ASSERT_OK(WriteFileAtomically(job.reconstruction(2) / "model.json", "whole"));
+  for (const bool is_early : {true, false}) {
+    const fs::path to = folder / (is_early ? "early" : "whole");
+    fs::create_directories(to);
+    ASSERT_OK(CopySnapshotGaussians(job, {.fence = 2, .is_early = is_early}, to, kMany));
+    EXPECT_EQ(ReadFile(to / "model.json", "copy", kMany).value(), is_early ? "early" : "whole");
+  }
+}
+
+TEST_F(EarlySnapshotTest, IsNotFoundThroughALink) {
+  Finish();
+  fs::rename(job.early(2), folder / "elsewhere");
+  fs::create_directory_symlink(folder / "elsewhere", job.early(2));
+  EXPECT_FALSE(FindSnapshot(job, 2));
 }
 
 }  // namespace

@@ -12,6 +12,7 @@ from pepeseg import prompts, rle
 from pepeseg.border_requests import segment_with_sam
 from pepeseg.calls import Place, Steps, Unary
 from pepeseg.cameras import Viewpoint
+from pepeseg.enum_words import stage_name
 from pepeseg.errors import damaged
 from pepeseg.v1 import label_service_pb2, prompt_pb2, segmentation_service_pb2
 
@@ -53,11 +54,14 @@ class Snapshot:
 
     Attributes:
         job: name of the job.
-        step: number of steps of stage features that were done.
+        stage: stage that trained the state: "features", or "reconstruct" before that, where finer
+            things may be missing.
+        step: number of steps of that stage that were done.
         num_steps: number of steps of that stage.
     """
 
     job: str
+    stage: str
     step: int
     num_steps: int
 
@@ -171,7 +175,7 @@ def parse_segmentation(answer: segmentation_service_pb2.SegmentViewsResponse) ->
         model=answer.model,
         box_agreement=answer.box_agreement if answer.HasField("box_agreement") else None,
         snapshot=(
-            Snapshot(state.job, state.step, state.num_steps)
+            Snapshot(state.job, stage_name(state.stage), state.step, state.num_steps)
             if answer.HasField("snapshot")
             else None
         ),

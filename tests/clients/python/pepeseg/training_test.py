@@ -118,6 +118,7 @@ class TestTraining:
             found = training.segment("frame-000000.jpg", points=[[440, 280]])
             assert found.model == found.snapshot.job == job.name
             assert 1 <= found.snapshot.step < found.snapshot.num_steps == 10**6
+            assert found.snapshot.stage == "features"
             assert found.mask.any()
             assert len(training.views()) == 15
         finally:

@@ -11,15 +11,16 @@ from google.protobuf import symbol_database as _symbol_database
 _sym_db = _symbol_database.Default()
 
 
+from pepeseg.v1 import job_service_pb2 as pepeseg_dot_v1_dot_job__service__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19pepeseg/v1/snapshot.proto\x12\npepeseg.v1\"8\n\x08Snapshot\x12\x0b\n\x03job\x18\x01 \x01(\t\x12\x0c\n\x04step\x18\x02 \x01(\x03\x12\x11\n\tnum_steps\x18\x03 \x01(\x03\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x19pepeseg/v1/snapshot.proto\x12\npepeseg.v1\x1a\x1cpepeseg/v1/job_service.proto\"]\n\x08Snapshot\x12\x0b\n\x03job\x18\x01 \x01(\t\x12#\n\x05stage\x18\x04 \x01(\x0e\x32\x14.pepeseg.v1.JobStage\x12\x0c\n\x04step\x18\x02 \x01(\x03\x12\x11\n\tnum_steps\x18\x03 \x01(\x03\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.snapshot_pb2', globals())
 if _descriptor._USE_C_DESCRIPTORS == False:
 
   DESCRIPTOR._options = None
-  _SNAPSHOT._serialized_start=41
-  _SNAPSHOT._serialized_end=97
+  _SNAPSHOT._serialized_start=71
+  _SNAPSHOT._serialized_end=164
 # @@protoc_insertion_point(module_scope)

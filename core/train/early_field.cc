@@ -1,0 +1,120 @@
+#include "core/train/early_field.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/base/status_macros.h"
+#include "core/features/estimate.h"
+#include "core/features/trainer.h"
+#include "core/model_files/model_file.h"
+#include "core/reconstruct/estimate.h"
+#include "core/render/renderer.h"
+#include "core/train/model_writing.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kShare = 0.15;    // of stage one's steps, after which the Gaussians are copied
+constexpr int kLeastSteps = 1000;  // of stage one; a shorter one ends before the field is there
+constexpr int kNumSteps = 1000;    // of the field
+constexpr size_t kMostViews = 32;  // that it learns from
+constexpr int kShDegree = 1;       // most degrees that are kept, as the model is to be read soon
+
+bool HasTrainingMasks(const Capture& capture) {
+  return std::any_of(capture.views.begin(), capture.views.end(),
+                     [](const View& view) { return !view.held_out && !view.masks.empty(); });
+}
+
+// Returns the capture with training views alone that have masks, at even distances.
+Capture FewViews(const Capture& capture) {
+  std::vector<const View*> masked;
+  for (const View& view : capture.views) {
+    if (!view.held_out && !view.masks.empty()) masked.push_back(&view);
+  }
+  Capture few;
+  few.points = capture.points;
+  few.origin = capture.origin;
+  const size_t num = std::min(kMostViews, masked.size());
+  for (size_t i = 0; i < num; ++i) few.views.push_back(*masked[i * masked.size() / num]);
+  return few;
+}
+
+// Leaves out what a short training has no time for, or no use.
+FeatureOptions ShortOptions(FeatureOptions options) {
+  options.num_steps = std::min(options.num_steps, kNumSteps);
+  options.perception_weight = 0;
+  options.centroid_weight_upper = 0;
+  options.centroid_weight_lower = 0;
+  return options;
+}
+
+// The planes of the higher degrees come last.
+Gaussians WithFewDegrees(Gaussians gaussians) {
+  gaussians.sh_degree = std::min(gaussians.sh_degree, kShDegree);
+  gaussians.planes.resize(static_cast<size_t>(NumPlanes(gaussians.sh_degree) * gaussians.count));
+  return gaussians;
+}
+
+}  // namespace
+
+std::unique_ptr<Backend> QueueForEarlyField(const Backend& backend, const Capture& capture,
+                                            const ReconstructOptions& reconstruct,
+                                            const FeatureOptions& features) {
+  if (backend.queue_depth() == 0 || !HasTrainingMasks(capture)) return nullptr;
+  if (reconstruct.num_steps < kLeastSteps) return nullptr;
+  const TrainingSize size = SizeOf(capture);
+  const ScratchSize scratch = TypicalScratch(MostGaussians(size, reconstruct), size.max_pixels);
+  const int64_t need = EstimateReconstruct(backend, size, reconstruct).device_bytes +
+                       FeatureDeviceBytes(backend, scratch, kShDegree, ShortOptions(features));
+  if (backend.memory().free_bytes < need) return nullptr;
+  return backend.MakeTwin();
+}
+
+EarlyField::EarlyField(Scene scene, GaussianTrainer& trainer, std::unique_ptr<Backend> twin,
+                       TrainingObserver& observer)
+    : scene_(std::move(scene)),
+      trainer_(trainer),
+      twin_(std::move(twin)),
+      observer_(observer),
+      wanted_(twin_ != nullptr && observer.FirstSnapshotSeconds().has_value()) {}
+
+EarlyField::~EarlyField() {
+  stopped_ = true;
+  if (made_.valid()) made_.wait();
+}
+
+void EarlyField::Advance(const StepReport& report) {
+  if (made_.valid() && made_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+    const absl::Status made = made_.get();
+    observer_.Log(made.ok() ? "the early field answers clicks"
+                            : absl::StrCat("no early field: ", made.ToString()));
+  }
+  const double due = kShare * static_cast<double>(report.num_steps);
+  if (!wanted_ || static_cast<double>(report.step) < due) return;
+  wanted_ = false;
+  made_ = std::async(std::launch::async, [this, report, gaussians = trainer_.Result()]() mutable {
+    return Make(WithFewDegrees(std::move(gaussians)), report);
+  });
+}
+
+absl::Status EarlyField::Make(Gaussians gaussians, const StepReport& at) const {
+  const Capture few = FewViews(scene_.capture);
+  Model model = scene_.described;
+  model.gaussians = std::move(gaussians);
+  model.metrics[kEarlyStep] = static_cast<double>(at.step);
+  model.metrics[kEarlyNumSteps] = static_cast<double>(at.num_steps);
+  ASSIGN_OR_RETURN(const auto trainer, FeatureTrainer::Create(*twin_, few, model.gaussians,
+                                                              ShortOptions(scene_.features)));
+  while (!trainer->done()) {
+    if (stopped_) return absl::CancelledError("stage one has ended");
+    RETURN_IF_ERROR(trainer->Step().status());
+  }
+  model.field = trainer->Result();
+  if (const std::string error = twin_->error(); !error.empty()) return absl::InternalError(error);
+  return WriteModelTo(scene_.folder, model);
+}
+
+}  // namespace pepeseg
