@@ -53,7 +53,8 @@ constexpr int kMaxRequestBytes = 8 << 20;
 // Threads and queues of the pools; README.md says what runs on each.
 constexpr int kNumIoThreads = 4;
 constexpr int kNumUploadThreads = 4;
-constexpr int kNumQueryThreads = 2;
+// Queries share the lock of their device; what an answer takes of the host besides it is as long.
+constexpr int kLeastQueryThreads = 2, kMostQueryThreads = 8;
 constexpr int kNumEvaluationThreads = 1;
 constexpr int kNumCorrectionThreads = 1;
 constexpr int kNumFindThreads = 2;  // a text command may occupy one for two minutes
@@ -70,6 +71,8 @@ constexpr size_t kMaxQueuedBorders = 60;  // a minute of work a project, where e
 constexpr size_t kMaxQueuedAdminCalls = 100;
 constexpr size_t kMaxQueuedPhotographs = 500;
 // A project may take half of a pool's queue, so that others find a place in it.
+int NumQueryThreads() { return std::clamp(NumCores() / 2, kLeastQueryThreads, kMostQueryThreads); }
+
 WorkerPool::Limits PoolLimits(int threads, size_t queued) {
   return {.threads = threads, .queued = queued, .queued_of_owner = queued / 2};
 }
@@ -116,7 +119,7 @@ struct Server::Parts {
   std::unique_ptr<StreamRegistry> streams;
   WorkerPools pools{WorkerPool(PoolLimits(kNumIoThreads, kMaxQueuedCalls)),
                     WorkerPool(PoolLimits(kNumUploadThreads, kMaxQueuedUploads)),
-                    WorkerPool(PoolLimits(kNumQueryThreads, kMaxQueuedQueries)),
+                    WorkerPool(PoolLimits(NumQueryThreads(), kMaxQueuedQueries)),
                     WorkerPool(PoolLimits(kNumEvaluationThreads, kMaxQueuedEvaluations)),
                     WorkerPool(PoolLimits(kNumCorrectionThreads, kMaxQueuedCorrections)),
                     WorkerPool(PoolLimits(kNumFindThreads, kMaxQueuedFinds)),

@@ -17,11 +17,14 @@
 namespace pepeseg {
 namespace {
 
-constexpr double kShare = 0.15;    // of stage one's steps, after which the Gaussians are copied
-constexpr int kLeastSteps = 1000;  // of stage one; a shorter one ends before the field is there
-constexpr int kNumSteps = 1000;    // of the field
-constexpr size_t kMostViews = 32;  // that it learns from
-constexpr int kShDegree = 1;       // most degrees that are kept, as the model is to be read soon
+// The Gaussians are copied after this share of stage one's steps, and not before each photograph
+// was seen this often: with large captures the first share of the steps knows too little of each.
+constexpr double kShare = 0.15, kVisits = 12;
+constexpr double kLatestShare = 0.6;  // afterwards it does not pay
+constexpr int kLeastSteps = 1000;     // of stage one; a shorter one ends before the field is there
+constexpr int kNumSteps = 1000;       // of the field
+constexpr size_t kMostViews = 32;     // that it learns from
+constexpr int kShDegree = 1;          // most degrees that are kept, as the model is to be read soon
 
 bool HasTrainingMasks(const Capture& capture) {
   return std::any_of(capture.views.begin(), capture.views.end(),
@@ -49,6 +52,14 @@ FeatureOptions ShortOptions(FeatureOptions options) {
   options.centroid_weight_upper = 0;
   options.centroid_weight_lower = 0;
   return options;
+}
+
+// Returns the step of stage one, of num_steps, after which the Gaussians are copied.
+double DueStep(const Capture& capture, int64_t num_steps) {
+  const auto num_views = std::count_if(capture.views.begin(), capture.views.end(),
+                                       [](const View& view) { return !view.held_out; });
+  return std::max(kShare * static_cast<double>(num_steps),
+                  kVisits * static_cast<double>(num_views));
 }
 
 // The planes of the higher degrees come last.
@@ -92,9 +103,10 @@ void EarlyField::Advance(const StepReport& report) {
     observer_.Log(made.ok() ? "the early field answers clicks"
                             : absl::StrCat("no early field: ", made.ToString()));
   }
-  const double due = kShare * static_cast<double>(report.num_steps);
-  if (!wanted_ || static_cast<double>(report.step) < due) return;
+  const auto step = static_cast<double>(report.step);
+  if (!wanted_ || step < DueStep(scene_.capture, report.num_steps)) return;
   wanted_ = false;
+  if (step > kLatestShare * static_cast<double>(report.num_steps)) return;
   made_ = std::async(std::launch::async, [this, report, gaussians = trainer_.Result()]() mutable {
     return Make(WithFewDegrees(std::move(gaussians)), report);
   });
