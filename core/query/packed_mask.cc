@@ -1,6 +1,5 @@
 #include "core/query/packed_mask.h"
 
-#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cstddef>
@@ -25,9 +24,15 @@ constexpr std::array<Pixels, 256> kPixelsOfByte = [] {
 
 void UnpackMask(std::span<const uint32_t> bits, std::span<uint8_t> mask) {
   assert(std::ssize(bits) == NumMaskWords(std::ssize(mask)));
-  for (size_t first = 0; first < mask.size(); first += 8) {
-    const uint32_t byte = (bits[first / 32] >> (first % 32)) & 0xff;
-    std::memcpy(&mask[first], kPixelsOfByte[byte].data(), std::min<size_t>(8, mask.size() - first));
+  const size_t num_whole = mask.size() / 32;
+  for (size_t word = 0; word < num_whole; ++word) {
+    for (size_t i = 0; i < 4; ++i) {
+      const Pixels& pixels = kPixelsOfByte[(bits[word] >> (8 * i)) & 0xff];
+      std::memcpy(&mask[32 * word + 8 * i], pixels.data(), sizeof(pixels));
+    }
+  }
+  for (size_t i = 32 * num_whole; i < mask.size(); ++i) {
+    mask[i] = static_cast<uint8_t>((bits[i / 32] >> (i % 32)) & 1);
   }
 }
 
