@@ -83,6 +83,11 @@ int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, i
          std::max(training, CoverageBytes(backend, scratch));
 }
 
+int64_t TypicalFeatureDeviceBytes(const Backend& backend, int64_t num_gaussians, int64_t max_pixels,
+                                  int sh_degree, const FeatureOptions& options) {
+  return FeatureDeviceBytes(backend, TypicalScratch(num_gaussians, max_pixels), sh_degree, options);
+}
+
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options) {
   // The Gaussians, and their features and one moment before the upload or after the download.
   const int64_t gaussian = (NumPlanes(sh_degree) + 2 * kFeatureSize) * kFloat;

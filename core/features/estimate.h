@@ -13,6 +13,10 @@ namespace pepeseg {
 int64_t FeatureDeviceBytes(const Backend& backend, const ScratchSize& scratch, int sh_degree,
                            const FeatureOptions& options);
 
+// Returns the same for a number of Gaussians whose sizes are typical for views of max_pixels.
+int64_t TypicalFeatureDeviceBytes(const Backend& backend, int64_t num_gaussians, int64_t max_pixels,
+                                  int sh_degree, const FeatureOptions& options);
+
 // Returns what stage two takes of host memory next to the capture, bytes: the samples of a chunk,
 // the model, the features, and the pixels of a shrunk view.
 int64_t FeatureHostBytes(const ScratchSize& scratch, int sh_degree, const FeatureOptions& options);

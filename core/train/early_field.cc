@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <new>
 #include <utility>
 #include <vector>
 
@@ -11,20 +12,19 @@
 #include "core/features/trainer.h"
 #include "core/model_files/model_file.h"
 #include "core/reconstruct/estimate.h"
-#include "core/render/renderer.h"
 #include "core/train/model_writing.h"
 
 namespace pepeseg {
 namespace {
 
-// The Gaussians are copied after this share of stage one's steps, and not before each photograph
-// was seen this often: with large captures the first share of the steps knows too little of each.
-constexpr double kShare = 0.15, kVisits = 12;
-constexpr double kLatestShare = 0.6;  // afterwards it does not pay
-constexpr int kLeastSteps = 1000;     // of stage one; a shorter one ends before the field is there
-constexpr int kNumSteps = 1000;       // of the field
-constexpr size_t kMostViews = 32;     // that it learns from
-constexpr int kShDegree = 1;          // most degrees that are kept, as the model is to be read soon
+// The Gaussians are copied once each photograph was seen this often, as far as that is between
+// these shares of stage one's steps. tests/bench/results/snapshots.md has what was measured.
+constexpr int64_t kVisits = 18, kFirstPercent = 15, kLastPercent = 55;
+constexpr int64_t kLatestPercent = 70;  // a training that resumes later gets no field
+constexpr int kLeastSteps = 1000;  // of stage one; a shorter one ends before the field is there
+constexpr size_t kMostViews = 96;  // that the field learns from
+constexpr int kStepsOfView = 20;   // steps of the field, for each of them
+constexpr int kShDegree = 1;       // most degrees that are kept, as the model is to be read soon
 
 bool HasTrainingMasks(const Capture& capture) {
   return std::any_of(capture.views.begin(), capture.views.end(),
@@ -46,8 +46,9 @@ Capture FewViews(const Capture& capture) {
 }
 
 // Leaves out what a short training has no time for, or no use.
-FeatureOptions ShortOptions(FeatureOptions options) {
-  options.num_steps = std::min(options.num_steps, kNumSteps);
+FeatureOptions ShortOptions(FeatureOptions options, size_t num_views) {
+  options.num_steps =
+      std::clamp(kStepsOfView * static_cast<int>(num_views), 1, std::max(1, options.num_steps));
   options.perception_weight = 0;
   options.centroid_weight_upper = 0;
   options.centroid_weight_lower = 0;
@@ -55,11 +56,11 @@ FeatureOptions ShortOptions(FeatureOptions options) {
 }
 
 // Returns the step of stage one, of num_steps, after which the Gaussians are copied.
-double DueStep(const Capture& capture, int64_t num_steps) {
+int64_t DueStep(const Capture& capture, int64_t num_steps) {
   const auto num_views = std::count_if(capture.views.begin(), capture.views.end(),
                                        [](const View& view) { return !view.held_out; });
-  return std::max(kShare * static_cast<double>(num_steps),
-                  kVisits * static_cast<double>(num_views));
+  return std::clamp(kVisits * static_cast<int64_t>(num_views), num_steps * kFirstPercent / 100,
+                    num_steps * kLastPercent / 100);
 }
 
 // The planes of the higher degrees come last.
@@ -77,9 +78,10 @@ std::unique_ptr<Backend> QueueForEarlyField(const Backend& backend, const Captur
   if (backend.queue_depth() == 0 || !HasTrainingMasks(capture)) return nullptr;
   if (reconstruct.num_steps < kLeastSteps) return nullptr;
   const TrainingSize size = SizeOf(capture);
-  const ScratchSize scratch = TypicalScratch(MostGaussians(size, reconstruct), size.max_pixels);
-  const int64_t need = EstimateReconstruct(backend, size, reconstruct).device_bytes +
-                       FeatureDeviceBytes(backend, scratch, kShDegree, ShortOptions(features));
+  const int64_t need =
+      EstimateReconstruct(backend, size, reconstruct).device_bytes +
+      TypicalFeatureDeviceBytes(backend, MostGaussians(size, reconstruct), size.max_pixels,
+                                kShDegree, ShortOptions(features, kMostViews));
   if (backend.memory().free_bytes < need) return nullptr;
   return backend.MakeTwin();
 }
@@ -103,12 +105,15 @@ void EarlyField::Advance(const StepReport& report) {
     observer_.Log(made.ok() ? "the early field answers clicks"
                             : absl::StrCat("no early field: ", made.ToString()));
   }
-  const auto step = static_cast<double>(report.step);
-  if (!wanted_ || step < DueStep(scene_.capture, report.num_steps)) return;
+  if (!wanted_ || report.step < DueStep(scene_.capture, report.num_steps)) return;
   wanted_ = false;
-  if (step > kLatestShare * static_cast<double>(report.num_steps)) return;
+  if (100 * report.step > kLatestPercent * report.num_steps) return;
   made_ = std::async(std::launch::async, [this, report, gaussians = trainer_.Result()]() mutable {
-    return Make(WithFewDegrees(std::move(gaussians)), report);
+    try {
+      return Make(WithFewDegrees(std::move(gaussians)), report);
+    } catch (const std::bad_alloc&) {  // of the standard library
+      return absl::Status(absl::ResourceExhaustedError("the machine is out of memory"));
+    }
   });
 }
 
@@ -118,8 +123,9 @@ absl::Status EarlyField::Make(Gaussians gaussians, const StepReport& at) const {
   model.gaussians = std::move(gaussians);
   model.metrics[kEarlyStep] = static_cast<double>(at.step);
   model.metrics[kEarlyNumSteps] = static_cast<double>(at.num_steps);
-  ASSIGN_OR_RETURN(const auto trainer, FeatureTrainer::Create(*twin_, few, model.gaussians,
-                                                              ShortOptions(scene_.features)));
+  ASSIGN_OR_RETURN(const auto trainer,
+                   FeatureTrainer::Create(*twin_, few, model.gaussians,
+                                          ShortOptions(scene_.features, few.views.size())));
   while (!trainer->done()) {
     if (stopped_) return absl::CancelledError("stage one has ended");
     RETURN_IF_ERROR(trainer->Step().status());

@@ -18,10 +18,11 @@
 
 namespace pepeseg {
 
-// A first model for clicks, from Gaussians that stage one has not finished. After a share of the
-// stage's steps a thread trains a field for a copy of the Gaussians, by few steps and from few
-// views, with a queue of the device of its own, and writes both as a model. The stage itself trains
-// the same, but shares the device for that time. Measured: tests/bench/results/snapshots.md.
+// A first model for clicks, from Gaussians that stage one has not finished. Once the stage has seen
+// each photograph a number of times, a thread trains a field for a copy of the Gaussians, by few
+// steps and from few views, with a queue of the device of its own, and writes both as a model. The
+// stage itself trains the same, but shares the device for that time. Measured:
+// tests/bench/results/snapshots.md.
 //
 // Without a second queue (Backend::MakeTwin), masks or room on the device there is none, and a
 // field that cannot be trained or written costs nothing but itself. For one thread.

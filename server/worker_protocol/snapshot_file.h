@@ -30,7 +30,7 @@ absl::Status WriteSnapshotFile(const std::filesystem::path& path, const Snapshot
 // Identifies one of the snapshots that a job has written, one after the other.
 struct SnapshotStamp {
   int64_t fence = 0;
-  absl::Time modified;
+  absl::Time modified = {};
   int64_t num_bytes = 0;
   bool is_early = false;  // it is the model in JobFolder::early, and has no file
 

@@ -53,7 +53,7 @@ class EarlyFieldTest : public ::testing::Test {
         *trainer_, std::move(twin), observer_);
   }
   std::filesystem::path folder() const { return folder_ / "early"; }
-  // Does a step, and tells the field.
+  // Does a step, and reports it to the field.
   StepReport Step(EarlyField& field) {
     const StepReport report = trainer_->Step().value().back();
     field.Advance(report);
@@ -78,7 +78,7 @@ TEST_F(EarlyFieldTest, IsWrittenAsAModelOfTheGaussiansSoFar) {
   StepReport last;
   while (observer_.log.empty() && !trainer_->done()) {
     last = Step(*field);
-    if (last.step < 15) {
+    if (last.step < 55) {
       EXPECT_FALSE(std::filesystem::exists(folder()));
     }
   }
@@ -89,7 +89,7 @@ TEST_F(EarlyFieldTest, IsWrittenAsAModelOfTheGaussiansSoFar) {
   }
   EXPECT_EQ(observer_.log, std::vector<std::string>{"the early field answers clicks"});
   ASSERT_OK_AND_ASSIGN(const Model model, ReadModel(folder()));
-  EXPECT_EQ(model.metrics.at(kEarlyStep), 15);
+  EXPECT_EQ(model.metrics.at(kEarlyStep), 55);
   EXPECT_EQ(model.metrics.at(kEarlyNumSteps), 100);
   EXPECT_EQ(model.views.size(), capture_.views.size());
   EXPECT_LE(model.gaussians.sh_degree, 1);
@@ -120,7 +120,7 @@ TEST_F(EarlyFieldTest, IsGivenUpWhenTheStageEnds) {
   features_.num_steps = 100'000;
   features_.num_pixels = 1'000;
   auto field = MakeField(MakeCpuBackend(1));
-  while (trainer_->step() < 20) Step(*field);
+  while (trainer_->step() < 60) Step(*field);
   field.reset();
   EXPECT_FALSE(std::filesystem::exists(folder()));
 }

@@ -1,17 +1,20 @@
 // A mixed load on two logical CPU devices: trainings of small scenes, some of them previews,
 // clients that ask for segments, and a worker that is killed. Four trainings and four clients in
-// `make test`, twenty and sixteen with PEPESEG_STRESS=full.
+// `make test`, twenty and sixteen with PEPESEG_STRESS=full. PEPESEG_DEVICES=cuda:0,cuda:1 takes two
+// GPUs in place of the CPU, and longer trainings.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <atomic>
 #include <csignal>
+#include <cstdlib>
 #include <iostream>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
@@ -34,12 +37,18 @@ double Seconds(const google::protobuf::Timestamp& time) {
   return static_cast<double>(time.seconds()) + time.nanos() * 1e-9;
 }
 
+std::string Devices() {
+  const char* devices = std::getenv("PEPESEG_DEVICES");
+  return devices == nullptr ? "cpu:0,cpu:1" : devices;
+}
+
 v1::TrainingOptions Options(bool preview) {
+  const int longer = absl::StartsWith(Devices(), "cuda") ? 8 : 1;
   v1::TrainingOptions options;
   if (preview) options.set_preset(v1::TRAINING_PRESET_PREVIEW);
   options.mutable_import()->set_image_scale(0.25);
-  options.mutable_reconstruct()->set_num_steps(preview ? 200 : 1500);
-  options.mutable_features()->set_num_steps(preview ? 100 : 300);
+  options.mutable_reconstruct()->set_num_steps(longer * (preview ? 200 : 1500));
+  options.mutable_features()->set_num_steps(longer * (preview ? 100 : 300));
   (*options.mutable_advanced())["features.num_pixels"] = "300";
   (*options.mutable_advanced())["features.steps_per_chunk"] = "50";
   return options;
@@ -50,7 +59,7 @@ class DevicesLoadTest : public ::testing::Test {
   DevicesLoadTest()
       : server_(folder_ / "data",
                 std::vector<std::string>{
-                    "--devices=cpu:0,cpu:1", absl::StrCat("--admin=unix:", Socket()),
+                    absl::StrCat("--devices=", Devices()), absl::StrCat("--admin=unix:", Socket()),
                     absl::StrCat("--checkpoint-seconds=", kCheckpointSeconds)}),
         client_(server_.channel()),
         files_(testing::ReadDataset(PEPESEG_TEST_DATA "/apc_shelf")) {}
