@@ -6,9 +6,9 @@ import { useStore } from '../store';
 import type { Brush } from './brush';
 import { maxBrush, minBrush, strokeWidth, withWidth } from './brush';
 import { describeRung } from './ladder';
-import type { Tool } from './photo_view';
 import type { SamClicks } from './segment_views';
 import type { SceneSession } from './session';
+import type { Tool } from './use_drawing';
 
 interface PromptTool {
   readonly tool: Tool;

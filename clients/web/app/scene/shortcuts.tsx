@@ -49,6 +49,7 @@ const list: readonly (readonly [string, string])[] = [
   ['Double click in 3D', 'Turn about what is there'],
   ['P', 'Fold or open the side panel'],
   ['[ and ]', 'View before, next view'],
+  ['U', 'Preview of a click under the pointer, on or off'],
   ['V', 'Photograph or rendering'],
   ['/', 'Find by a word'],
   ['A', 'Find all like the segment'],

@@ -9,10 +9,10 @@ import { paintMask } from '../mask/paint';
 import type { SplatPart, SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Miss } from './miss';
-import type { Tool } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
 import type { Showing } from './selections';
 import { useShortcuts } from './shortcuts';
+import type { Tool } from './use_drawing';
 
 interface Props {
   model: string;

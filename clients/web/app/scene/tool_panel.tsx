@@ -8,15 +8,16 @@ import { describeAnswer } from './describe_answer';
 import { DownloadTools } from './download_tools';
 import { FindTools } from './find_tools';
 import type { SceneFinder } from './finder';
+import { HoverSwitch } from './hover_mask';
 import { LabelTools } from './label_tools';
 import type { SceneLabels } from './labels';
-import type { Tool } from './photo_view';
 import { sizeOf } from './prompt';
 import { GranularityTools, PromptButtons, PromptTools } from './segment_tools';
 import { SelectionTools } from './selection_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
 import { HelpButton, ToolRail } from './tool_rail';
+import type { Tool } from './use_drawing';
 
 interface Props {
   sceneId: string;
@@ -60,6 +61,7 @@ function SegmentSection(props: SegmentProps): JSX.Element {
       </p>
       <FailureNote failure={failure} close={() => session.closeFailure()} />
       <GranularityTools session={session} hasSam={hasSam} />
+      <HoverSwitch session={session} />
     </section>
   );
 }

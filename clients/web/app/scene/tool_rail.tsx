@@ -6,10 +6,10 @@ import { useStore } from '../store';
 import { describeAnswer } from './describe_answer';
 import type { SceneFinder } from './finder';
 import { describeFound } from './found_things';
-import type { Tool } from './photo_view';
 import { PromptButtons, promptTools } from './segment_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import type { Tool } from './use_drawing';
 
 interface RailProps {
   session: SceneSession;

@@ -15,7 +15,7 @@ import { colorOf } from './found_things';
 import { SceneLabels, labelColor } from './labels';
 import type { Layout } from './layout';
 import { panesOn } from './layout';
-import type { FoundMask, Source, Tool } from './photo_view';
+import type { FoundMask, Source } from './photo_view';
 import { PhotoView } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
 import { placeOf, samePlace, sizeOf } from './prompt';
@@ -27,6 +27,7 @@ import { ShortcutList, useShortcuts } from './shortcuts';
 import { SplatPane } from './splat_pane';
 import { ToolPanel } from './tool_panel';
 import { FoldedStatus } from './tool_rail';
+import type { Tool } from './use_drawing';
 
 function useModel(scene: Scene, views: readonly View[]) {
   const model = scene.liveModel;
@@ -168,6 +169,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     x: () => tool === 'brush' && setBrush({ ...brush, negative: !brush.negative }),
     '>': () => tool === 'brush' && setBrush(withWidth(brush, brush.width + 2)),
     '<': () => tool === 'brush' && setBrush(withWidth(brush, brush.width - 2)),
+    u: () => session.hover.turn(!session.hover.state.get().isOn),
     v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
     a: () => hasSam.value === true && findAlike(session, finder),
     '/': () => focusField('find-text'),
@@ -203,6 +205,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
               miss={samePlace(miss?.place, place) ? miss : undefined}
               tool={tool}
               brush={brush}
+              hover={session.hover}
               numAnswers={numAnswers}
               onPoint={(point) => session.addPoint(place, point)}
               onBox={(box) => session.pose({ kind: 'box', place, box })}
