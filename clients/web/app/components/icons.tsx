@@ -19,6 +19,7 @@ const paths = {
   camera: 'M4 8h4l2-3h4l2 3h4v11H4zM12 10a3 3 0 100 6 3 3 0 000-6z',
   both: 'M4 5h16v14H4zM12 5v14',
   panel: 'M4 5h16v14H4zM15 5v14',
+  segments: 'M4 4h7v9H4zM14 4h6v5h-6zM14 12h6v8h-6zM4 16h7v4H4z',
   warn: 'M12 4l9 16H3zM12 10v4M12 17v.01',
 };
 

@@ -1,7 +1,8 @@
 // Masks that are shown in place of the model's: the one that a person accepted, and SAM's borders.
 import type { Store } from '../store';
-import { acceptedMask } from './accepted_mask';
+import { acceptedMask, exactMask } from './accepted_mask';
 import type { Answer } from './answer';
+import type { Prompt } from './prompt';
 import { isIn3d } from './prompt';
 import { segmentViews } from './segment_views';
 import type { SessionState } from './session_state';
@@ -28,11 +29,14 @@ export class KeptMasks {
     this.running = new AbortController();
   }
 
-  /** Gets the mask that a person accepted for a label: in its own view it is the answer. */
-  async keepAccepted(label: string): Promise<void> {
+  /** Keeps the mask that a person accepted for the prompt, if there is one: in its own view it is the answer. */
+  async keepAccepted(prompt: Prompt): Promise<void> {
+    const exact = exactMask(prompt);
+    if (exact) this.keeper.keep(new Map([[exact.view, exact]]));
+    if (prompt.kind !== 'label') return;
     const { signal } = this.running;
     try {
-      const mask = await acceptedMask(label, signal);
+      const mask = await acceptedMask(prompt.label, signal);
       if (mask && !signal.aborted) this.keeper.keep(new Map([[mask.view, mask]]));
     } catch (error) {
       this.keeper.report(error, signal);

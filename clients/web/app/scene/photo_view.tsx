@@ -6,14 +6,17 @@ import { MissNote } from '../components/miss_note';
 import type { Layer } from '../mask/paint';
 import { paintLayers, paintMask } from '../mask/paint';
 import { middleOf } from '../mask/rle';
+import { useStore } from '../store';
 import type { Mask } from './answer';
 import type { Brush } from './brush';
 import type { ClickPreview } from './hover';
 import { HoverMask } from './hover_mask';
+import type { SceneEverything } from './everything';
 import type { MarkScale, Spot } from './marks';
 import { Marks, drawingWidth } from './marks';
 import type { Box, Point, Prompt, Stroke } from './prompt';
 import { sizeOf } from './prompt';
+import { SegmentUnder, SegmentsLayer } from './segments_layer';
 import { useShortcuts } from './shortcuts';
 import { useDetail } from './use_detail';
 import type { Tool } from './use_drawing';
@@ -47,6 +50,7 @@ interface Props {
   tool: Tool;
   brush: Brush;
   hover: ClickPreview;
+  everything: SceneEverything;
   /** Number of answers shown, for measurements. */
   numAnswers: number;
   onPoint: (point: Point) => void;
@@ -84,7 +88,8 @@ function Numbers({
 
 export function PhotoView(props: Props): JSX.Element {
   const { view, photoAt, rendering, source, onSource, mask, color, found } = props;
-  const { prompt, miss, tool, hover, numAnswers } = props;
+  const { prompt, miss, tool, hover, everything, numAnswers } = props;
+  const { isOn: showsAll } = useStore(everything.state);
   const { width, height } = sizeOf(view);
   const unit = drawingWidth / width;
   const canvas = useRef<HTMLCanvasElement>(null);
@@ -94,7 +99,16 @@ export function PhotoView(props: Props): JSX.Element {
   const photo = { width, height };
   const zooming = useZoom(photo, view.view, () => drawing.interrupt());
   const { zoom, placed } = zooming;
-  const drawing = useDrawing({ ...props, view: view.view, photo }, zooming);
+  const drawing = useDrawing(
+    {
+      ...props,
+      view: view.view,
+      photo,
+      watch: showsAll ? everything.pointer : hover,
+      onCursor: showsAll ? (spot) => everything.pointer.move(view.view, spot) : undefined,
+    },
+    zooming,
+  );
   const { box, stroke, cursor, mouse, brushWidth } = drawing;
   const detail = useDetail(view.view, photo, zoom.scale);
   const photoSrc = photoAt(detail.photo);
@@ -152,7 +166,8 @@ export function PhotoView(props: Props): JSX.Element {
             if (shown === photoSrc) setMissing(photoSrc);
           }}
         />
-        <canvas ref={canvas} class="overlay" aria-hidden="true" />
+        <SegmentsLayer everything={everything} view={view.view} isFaint={mask !== undefined} />
+        <canvas ref={canvas} class="overlay mask" aria-hidden="true" />
         <HoverMask
           hover={hover}
           view={view.view}
@@ -176,6 +191,7 @@ export function PhotoView(props: Props): JSX.Element {
         </svg>
         {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
       </div>
+      <SegmentUnder everything={everything} />
       {loaded !== shown && (
         <p class="pane-note late" role="status">
           Loading the {shown === photoSrc ? 'photograph' : 'rendering'} …

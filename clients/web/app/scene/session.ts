@@ -4,6 +4,7 @@ import type { SegmentViewsResponse } from '../../gen/pepeseg/v1/segmentation_ser
 import { failureOf, isCancelled } from '../api/failure';
 import { SegmentSocket } from '../api/segment_socket';
 import { Store } from '../store';
+import { answerWith, exactMask } from './accepted_mask';
 import type { Answer, Mask } from './answer';
 import { answerOf } from './answer';
 import type { Refusal } from './extend_prompt';
@@ -247,11 +248,12 @@ export class SceneSession {
     this.forgetAnswers();
     this.before = before;
     const same = isExtended(asked, prompt);
+    const exact = exactMask(prompt);
     this.state.patch({
       prompt,
       granularity,
       // The mask so far is shown until the next one comes.
-      answer: same ? answer : undefined,
+      answer: same ? answer : exact && answerWith(exact),
       ladder: same ? { ...ladder, isCurrent: false } : noLadder,
     });
     this.send(true, preview?.response);
@@ -267,7 +269,7 @@ export class SceneSession {
     const named = [...new Set([ownViewOf(prompt), this.shownView])].filter(Boolean);
     if (answered) this.accept(answered, true);
     else this.ask(isIn3d(prompt) ? undefined : named);
-    if (prompt.kind === 'label' && isOpen(granularity)) void this.kept.keepAccepted(prompt.label);
+    if (isOpen(granularity)) void this.kept.keepAccepted(prompt);
     if (andOtherViews) this.others.ask();
   }
 

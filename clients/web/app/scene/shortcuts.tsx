@@ -51,6 +51,7 @@ const list: readonly (readonly [string, string])[] = [
   ['[ and ]', 'View before, next view'],
   ['U', 'Preview of a click under the pointer, on or off'],
   ['V', 'Photograph or rendering'],
+  ['G', 'Everything: all segments of the view, on or off'],
   ['/', 'Find by a word'],
   ['A', 'Find all like the segment'],
   ['L', 'Name the segment'],

@@ -6,6 +6,8 @@ import { useStore } from '../store';
 import type { Brush } from './brush';
 import { describeAnswer } from './describe_answer';
 import { DownloadTools } from './download_tools';
+import type { SceneEverything } from './everything';
+import { EverythingTools } from './everything_tools';
 import { FindTools } from './find_tools';
 import type { SceneFinder } from './finder';
 import { HoverSwitch } from './hover_mask';
@@ -25,6 +27,7 @@ interface Props {
   selections: SceneSelections;
   labels: SceneLabels;
   finder: SceneFinder;
+  everything: SceneEverything;
   views: readonly View[];
   /** The shown view. */
   view: View;
@@ -32,6 +35,9 @@ interface Props {
   onTool: (tool: Tool) => void;
   brush: Brush;
   onBrush: (brush: Brush) => void;
+  onEverything: (isOn: boolean) => void;
+  /** Makes a segment of the shown view the current one, by its id. */
+  onPick: (id: number) => void;
   /** Whether the server has SAM. */
   hasSam: boolean;
   isOpen: boolean;
@@ -39,7 +45,10 @@ interface Props {
   onHelp: () => void;
 }
 
-type SegmentProps = Omit<Props, 'sceneId' | 'selections' | 'labels' | 'finder' | 'isOpen'>;
+type SegmentProps = Pick<
+  Props,
+  'session' | 'view' | 'tool' | 'onTool' | 'brush' | 'onBrush' | 'hasSam' | 'onHelp'
+>;
 
 function SegmentSection(props: SegmentProps): JSX.Element {
   const { session, view, hasSam, onHelp } = props;
@@ -74,6 +83,7 @@ export function ToolPanel(props: Props): JSX.Element {
       {!isOpen && <ToolRail {...props} />}
       <div class="sections" hidden={!isOpen}>
         <SegmentSection {...props} />
+        <EverythingTools {...props} onTurn={props.onEverything} />
         <FindTools {...props} />
         <LabelTools session={session} labels={labels} shownView={view.view} />
         <SelectionTools session={session} selections={selections} />

@@ -4,6 +4,7 @@ import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import { useStore } from '../store';
 import { describeAnswer } from './describe_answer';
+import type { SceneEverything } from './everything';
 import type { SceneFinder } from './finder';
 import { describeFound } from './found_things';
 import { PromptButtons, promptTools } from './segment_tools';
@@ -13,12 +14,16 @@ import type { Tool } from './use_drawing';
 
 interface RailProps {
   session: SceneSession;
+  everything: SceneEverything;
+  onEverything: (isOn: boolean) => void;
   tool: Tool;
   onTool: (tool: Tool) => void;
   onHelp: () => void;
 }
 
-export function ToolRail({ session, tool, onTool, onHelp }: RailProps): JSX.Element {
+export function ToolRail(props: RailProps): JSX.Element {
+  const { session, everything, onEverything, tool, onTool, onHelp } = props;
+  const { isOn } = useStore(everything.state);
   return (
     <div class="rail">
       <div class="rail-tools" role="group" aria-label="What a click does">
@@ -36,6 +41,16 @@ export function ToolRail({ session, tool, onTool, onHelp }: RailProps): JSX.Elem
           </button>
         ))}
       </div>
+      <button
+        type="button"
+        class="bare"
+        aria-label="Everything"
+        title="Everything: all segments of the view (G)"
+        aria-pressed={isOn}
+        onClick={() => onEverything(!isOn)}
+      >
+        <Icon name="segments" />
+      </button>
       <PromptButtons session={session} />
       <HelpButton onHelp={onHelp} />
     </div>
@@ -56,23 +71,33 @@ export function HelpButton({ onHelp }: { onHelp: () => void }): JSX.Element {
   );
 }
 
+const waitTexts = {
+  nothing: '',
+  decomposition: 'Splitting the scene …',
+  picture: 'Drawing the segments …',
+} as const;
+
 interface StatusProps {
   session: SceneSession;
   finder: SceneFinder;
   selections: SceneSelections;
+  everything: SceneEverything;
   /** Name of the shown view. */
   shown: string;
 }
 
 /** States and failures of all sections, over the panes while the panel is folded. */
-export function FoldedStatus({ session, finder, selections, shown }: StatusProps): JSX.Element {
+export function FoldedStatus(props: StatusProps): JSX.Element {
+  const { session, finder, selections, everything, shown } = props;
   const state = useStore(session.state);
   const finding = useStore(finder.state);
   const selecting = useStore(selections.state);
+  const splitting = useStore(everything.state);
   const texts = [
     state.prompt && describeAnswer(state, shown, session.views),
     finding.busy && 'Looking through the scene …',
     !finding.busy && finding.found && describeFound(finding.found, finding.word),
+    waitTexts[splitting.waits],
     selecting.busy && 'Selecting: looking at the views …',
   ].filter(Boolean);
   return (
@@ -80,6 +105,7 @@ export function FoldedStatus({ session, finder, selections, shown }: StatusProps
       <FailureNote failure={state.failure} close={() => session.closeFailure()} />
       <FailureNote failure={finding.failure} close={() => finder.clear()} />
       <FailureNote failure={selecting.failure} close={() => selections.closeFailure()} />
+      <FailureNote failure={splitting.failure} close={() => everything.closeFailure()} />
       <p role="status" class={texts.length > 0 ? 'pane-note' : ''}>
         {texts.join(' ')}
       </p>

@@ -3,7 +3,6 @@
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { Brush } from './brush';
 import { continued, strokeWidth } from './brush';
-import type { ClickPreview } from './hover';
 import type { Spot } from './marks';
 import { drawingWidth } from './marks';
 import type { Size } from './photo_frame';
@@ -28,13 +27,22 @@ function boxOf(a: Spot, b: Spot): Box {
   return { x, y, width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y) };
 }
 
+/** What follows the pointer while nothing is pressed: see ClickPreview. */
+export interface PointerWatch {
+  move(view: string, point: Point, slack: number): void;
+  hold(): void;
+  leave(): void;
+}
+
 export interface DrawingProps {
   /** Name of the view. */
   readonly view: string;
   readonly photo: Size;
   readonly tool: Tool;
   readonly brush: Brush;
-  readonly hover: ClickPreview;
+  readonly watch: PointerWatch;
+  /** Called when the keyboard moves the cursor. */
+  readonly onCursor?: ((spot: Spot) => void) | undefined;
   readonly onPoint: (point: Point) => void;
   readonly onBox: (box: Box) => void;
   readonly onStroke: (stroke: Stroke) => void;
@@ -50,7 +58,7 @@ interface Placed {
 }
 
 export function useDrawing(props: DrawingProps, frame: Placed) {
-  const { view, photo, tool, brush, hover, onPoint, onBox, onStroke } = props;
+  const { view, photo, tool, brush, watch, onCursor, onPoint, onBox, onStroke } = props;
   const { width, height } = photo;
   const { zoom, placed, spotOf } = frame;
   const pressed = useRef<(Spot & { screenX: number; screenY: number }) | undefined>(undefined);
@@ -85,7 +93,7 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
   const press = (event: PointerEvent) => {
     if (event.button !== 0) return;
     pressed.current = { ...spotOf(event), screenX: event.clientX, screenY: event.clientY };
-    hover.hold();
+    watch.hold();
     if (isBrush) setStroke(newStroke(spotOf(event), event.shiftKey));
     // A finger scrolls the page, unless it draws.
     if (event.pointerType !== 'touch' || tool === 'box' || isBrush) {
@@ -95,9 +103,9 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
   /** Shows what a click would give. */
   const preview = (event: PointerEvent, spot: Spot) => {
     const clicks = tool === 'include' || tool === 'exclude';
-    if (!clicks || frame.isPanning || event.pointerType === 'touch') return hover.leave();
+    if (!clicks || frame.isPanning || event.pointerType === 'touch') return watch.leave();
     const slack = (clickSlack * width) / Math.max(placed.width, 1);
-    return hover.move(view, pointAt(spot, event.shiftKey), slack);
+    return watch.move(view, pointAt(spot, event.shiftKey), slack);
   };
   const move = (event: PointerEvent) => {
     const spot = spotOf(event);
@@ -109,7 +117,7 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
     if (isBrush) {
       setStroke((begun) => begun && continued(begun, spot, width / zoom.scale));
     } else if (isDrag(event)) {
-      hover.leave();
+      watch.leave();
       setBox(boxOf(pressed.current, spot));
     }
   };
@@ -140,6 +148,7 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
       const x = Math.min(Math.max(at.x + arrow[0] * step, 0), width - 1);
       const y = Math.min(Math.max(at.y + arrow[1] * step, 0), height - 1);
       setCursor({ x, y });
+      if (onCursor) onCursor({ x, y });
       frame.reveal({ x, y });
       setStroke((begun) => begun && continued(begun, { x, y }, width / zoom.scale));
     } else if (event.key === 'Enter') {
@@ -154,8 +163,8 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
   };
   useEffect(() => {
     drop();
-    hover.leave();
-  }, [view, tool]);
+    watch.leave();
+  }, [view, tool, watch]);
 
   return {
     box,
@@ -167,7 +176,7 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
     /** Ends what was begun, when a gesture takes the pointer. */
     interrupt: () => {
       drop();
-      hover.leave();
+      watch.leave();
     },
     handlers: {
       onPointerDown: press,
@@ -175,11 +184,11 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
       onPointerUp: release,
       onPointerCancel: () => {
         drop();
-        hover.leave();
+        watch.leave();
       },
       onPointerLeave: () => {
         setMouse(undefined);
-        hover.leave();
+        watch.leave();
       },
       onKeyDown: key,
       onFocus: (event: FocusEvent) =>

@@ -83,7 +83,7 @@ export function testHover(shared: () => { readonly page: Page }): void {
     await page.mouse.up();
     await settled(page, before);
     expect(await area()).toBe(shown);
-    expect(await drawn(page, '.picture canvas.overlay >> nth=0')).toBe(outlined);
+    expect(await drawn(page, '.picture canvas.mask')).toBe(outlined);
     await expect(preview).toHaveAttribute('data-area', '0');
     expect(numAsked, 'the stream is the one that was there').toBe(0);
 

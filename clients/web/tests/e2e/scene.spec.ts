@@ -3,6 +3,7 @@ import { join } from 'node:path';
 import { fromBinary, toBinary } from '@bufbuild/protobuf';
 import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
+import { testEverything } from './everything_tests';
 import { testExports } from './export_tests';
 import { testHover } from './hover_tests';
 import { testLayout } from './layout_tests';
@@ -277,6 +278,8 @@ testLayout(() => ({ page }));
 
 testHover(() => ({ page }));
 
+testEverything(() => ({ page }));
+
 testExports(() => ({ stack, context, page, namedAreas }));
 
 test('pixels are the photograph’s after a training at half its size', async () => {
@@ -286,7 +289,7 @@ test('pixels are the photograph’s after a training at half its size', async ()
   const before = await numAnswers(page);
   await clickView(page, truth.inside);
   await settled(page, before);
-  const overlay = page.locator('.picture canvas.overlay');
+  const overlay = page.locator('.picture canvas.mask');
   expect(await overlay.evaluate((canvas: HTMLCanvasElement) => canvas.width)).toBe(640);
   const [x, y] = truth.inside;
   const hit = await overlay.evaluate(
