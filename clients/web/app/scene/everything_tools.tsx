@@ -11,6 +11,7 @@ import { useStore } from '../store';
 import type { SceneEverything } from './everything';
 import { ExportProgress } from './export_progress';
 import { RunningExport } from './running_export';
+import type { SegmentNames } from './segment_names';
 import type { Level, SegmentId } from './segments';
 import { levelNames, sameSegment, seenSegments, segmentColor, segmentName } from './segments';
 import type { SceneSelections } from './selections';
@@ -21,6 +22,7 @@ interface Props {
   session: SceneSession;
   selections: SceneSelections;
   everything: SceneEverything;
+  segmentNames: SegmentNames;
   onTurn: (isOn: boolean) => void;
   /** Makes a segment of the shown view the current one. */
   onPick: (id: number) => void;
@@ -99,9 +101,10 @@ function Picked(props: PickedProps): JSX.Element {
   );
 }
 
-type ListProps = Pick<Props, 'everything' | 'onPick'> & { picked: SegmentId | undefined };
+type ListProps = Pick<Props, 'everything' | 'segmentNames' | 'onPick'> & { picked: SegmentId | undefined };
 
-function SegmentList({ everything, onPick, picked }: ListProps): JSX.Element | null {
+function SegmentList(props: ListProps): JSX.Element | null {
+  const { everything, segmentNames, onPick, picked } = props;
   const { seen } = useStore(everything.state);
   const found = useMemo(() => (seen ? seenSegments(seen.picture) : []), [seen]);
   if (!seen) return null;
@@ -123,7 +126,7 @@ function SegmentList({ everything, onPick, picked }: ListProps): JSX.Element | n
               onFocus={() => everything.emphasise(id)}
               onBlur={() => everything.emphasise(0)}
             >
-              <span class="name">{segmentName({ level, id })}</span>
+              <span class="name">{segmentNames.get(id) ?? segmentName({ level, id })}</span>
               <span class="score">
                 {everything.isHidden({ level, id })
                   ? 'hidden'

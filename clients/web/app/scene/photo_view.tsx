@@ -16,6 +16,7 @@ import type { MarkScale, Spot } from './marks';
 import { Marks, drawingWidth } from './marks';
 import type { Box, Point, Prompt, Stroke } from './prompt';
 import { sizeOf } from './prompt';
+import type { SegmentNames } from './segment_names';
 import { SegmentUnder, SegmentsLayer } from './segments_layer';
 import { useShortcuts } from './shortcuts';
 import { useDetail } from './use_detail';
@@ -26,9 +27,9 @@ import { ZoomButtons } from './zoom_buttons';
 
 export type Source = 'photo' | 'rendering';
 
-/** The mask of a found thing, with its number and colour in the list. */
-export interface FoundMask extends Layer {
-  readonly number: number;
+/** A mask with the name that is written on it, or its number in a list. */
+export interface NamedMask extends Layer {
+  readonly name: string;
 }
 
 interface Props {
@@ -42,7 +43,9 @@ interface Props {
   /** Colour of the mask; absent: the accent's. */
   color: Layer['color'] | undefined;
   /** Masks of what was found, drawn while there is no other. */
-  found: readonly FoundMask[];
+  found: readonly NamedMask[];
+  /** Masks of named things, drawn while neither everything nor what was found is. */
+  things: readonly NamedMask[];
   /** The prompt, if it is about this view. */
   prompt: Prompt | undefined;
   /** Position of a click that hit nothing in this view. */
@@ -51,6 +54,7 @@ interface Props {
   brush: Brush;
   hover: ClickPreview;
   everything: SceneEverything;
+  segmentNames: SegmentNames;
   /** Number of answers shown, for measurements. */
   numAnswers: number;
   onPoint: (point: Point) => void;
@@ -58,6 +62,7 @@ interface Props {
   onStroke: (stroke: Stroke) => void;
 }
 
+const noMasks: readonly NamedMask[] = [];
 /** Maximum of the longer side of the unzoomed preview, pixels: it is painted often. */
 const previewSide = 1024;
 
@@ -65,21 +70,21 @@ const enterClicks = 'Enter segments what is under it, Shift and Enter excludes i
 const enterDraws =
   'Enter begins and ends a stroke over what is meant, Shift and Enter one over what is not.';
 
-/** The numbers of found things on their masks. */
-function Numbers({
-  found,
+/** The names of masks, written on them. */
+function Names({
+  masks,
   unit,
   mark,
-}: { found: readonly FoundMask[] } & MarkScale): JSX.Element {
+}: { masks: readonly NamedMask[] } & MarkScale): JSX.Element {
   const placed = useMemo(
-    () => found.map(({ number, rle }) => ({ number, at: middleOf(rle) })),
-    [found],
+    () => masks.map(({ name, rle }) => ({ name, at: middleOf(rle) })),
+    [masks],
   );
   return (
     <>
-      {placed.map(({ number, at: { x, y } }) => (
-        <g key={number} transform={`translate(${x * unit} ${y * unit}) scale(${mark})`}>
-          <text class="found-number">{number}</text>
+      {placed.map(({ name, at: { x, y } }, i) => (
+        <g key={i} transform={`translate(${x * unit} ${y * unit}) scale(${mark})`}>
+          <text class="found-number">{name}</text>
         </g>
       ))}
     </>
@@ -93,6 +98,7 @@ export function PhotoView(props: Props): JSX.Element {
   const { width, height } = sizeOf(view);
   const unit = drawingWidth / width;
   const canvas = useRef<HTMLCanvasElement>(null);
+  const thingsCanvas = useRef<HTMLCanvasElement>(null);
   const [missing, setMissing] = useState('');
   /** URL of the newest picture that was loaded, or could not be. */
   const [loaded, setLoaded] = useState('');
@@ -119,6 +125,10 @@ export function PhotoView(props: Props): JSX.Element {
     if (mask) paintMask(canvas.current, mask.rle, color, detail.mask);
     else paintLayers(canvas.current, found, detail.mask);
   }, [mask, color, found, detail]);
+  const shownThings = showsAll || found.length > 0 ? noMasks : props.things;
+  useEffect(() => {
+    if (thingsCanvas.current) paintLayers(thingsCanvas.current, shownThings, detail.mask);
+  }, [shownThings, detail]);
   const mark = drawingWidth / Math.max(placed.width, 1);
   const zoomIn = () => zooming.step(1, cursor);
   useShortcuts({
@@ -152,6 +162,7 @@ export function PhotoView(props: Props): JSX.Element {
         data-zoom={zoom.scale.toFixed(2)}
         data-area={mask?.area ?? 0}
         data-found={mask ? 0 : found.length}
+        data-things={shownThings.length}
         {...drawing.handlers}
       >
         <img
@@ -167,6 +178,7 @@ export function PhotoView(props: Props): JSX.Element {
           }}
         />
         <SegmentsLayer everything={everything} view={view.view} isFaint={mask !== undefined} />
+        <canvas ref={thingsCanvas} class="overlay things-layer" aria-hidden="true" />
         <canvas ref={canvas} class="overlay mask" aria-hidden="true" />
         <HoverMask
           hover={hover}
@@ -178,7 +190,8 @@ export function PhotoView(props: Props): JSX.Element {
           viewBox={`0 0 ${drawingWidth} ${height * unit}`}
           aria-hidden="true"
         >
-          {!mask && <Numbers found={found} unit={unit} mark={mark} />}
+          <Names masks={shownThings} unit={unit} mark={mark} />
+          {!mask && <Names masks={found} unit={unit} mark={mark} />}
           <Marks
             prompt={prompt}
             box={box}
@@ -191,7 +204,7 @@ export function PhotoView(props: Props): JSX.Element {
         </svg>
         {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
       </div>
-      <SegmentUnder everything={everything} />
+      <SegmentUnder everything={everything} names={props.segmentNames} />
       {loaded !== shown && (
         <p class="pane-note late" role="status">
           Loading the {shown === photoSrc ? 'photograph' : 'rendering'} …

@@ -4,6 +4,7 @@ import { useLayoutEffect, useMemo, useRef } from 'preact/hooks';
 import { paintSegments, shrunkGrey } from '../mask/paint_segments';
 import { useStore } from '../store';
 import type { SceneEverything } from './everything';
+import type { SegmentNames } from './segment_names';
 import { segmentColor, segmentName } from './segments';
 
 /** Maximum of the longer side of what is drawn, pixels. */
@@ -42,13 +43,18 @@ export function SegmentsLayer({ everything, view, isFaint }: Props): JSX.Element
   );
 }
 
+interface UnderProps {
+  everything: SceneEverything;
+  names: SegmentNames;
+}
+
 /** The name of the segment under the pointer, over the photograph. */
-export function SegmentUnder({ everything }: { everything: SceneEverything }): JSX.Element | null {
+export function SegmentUnder({ everything, names }: UnderProps): JSX.Element | null {
   const { isOn, level, under } = useStore(everything.state);
   if (!isOn || under === 0) return null;
   return (
     <p class="segment-under" aria-hidden="true">
-      {segmentName({ level, id: under })}
+      {names.get(under) ?? segmentName({ level, id: under })}
     </p>
   );
 }

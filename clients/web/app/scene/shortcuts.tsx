@@ -55,6 +55,7 @@ const list: readonly (readonly [string, string])[] = [
   ['/', 'Find by a word'],
   ['A', 'Find all like the segment'],
   ['L', 'Name the segment'],
+  ['N', 'Named things in their colours, on or off'],
   ['S', 'Select in 3D'],
   ['T, O, W', 'Selection tinted, only it, without it'],
   ['Ctrl + Z', 'Undo'],

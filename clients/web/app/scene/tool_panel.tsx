@@ -14,10 +14,13 @@ import { HoverSwitch } from './hover_mask';
 import { LabelTools } from './label_tools';
 import type { SceneLabels } from './labels';
 import { sizeOf } from './prompt';
+import type { SegmentNames } from './segment_names';
 import { GranularityTools, PromptButtons, PromptTools } from './segment_tools';
 import { SelectionTools } from './selection_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import type { ThingMasks } from './thing_masks';
+import type { ThingsIn3d } from './things_in_3d';
 import { HelpButton, ToolRail } from './tool_rail';
 import type { Tool } from './use_drawing';
 
@@ -28,6 +31,9 @@ interface Props {
   labels: SceneLabels;
   finder: SceneFinder;
   everything: SceneEverything;
+  segmentNames: SegmentNames;
+  things: ThingMasks;
+  thingsIn3d: ThingsIn3d;
   views: readonly View[];
   /** The shown view. */
   view: View;
@@ -77,7 +83,7 @@ function SegmentSection(props: SegmentProps): JSX.Element {
 
 /** Folded it is a rail of buttons; the sections stay, with their texts and running downloads. */
 export function ToolPanel(props: Props): JSX.Element {
-  const { isOpen, session, selections, labels, view } = props;
+  const { isOpen, session, selections, view } = props;
   return (
     <aside id="tools" class="tools" aria-label="Tools">
       {!isOpen && <ToolRail {...props} />}
@@ -85,7 +91,7 @@ export function ToolPanel(props: Props): JSX.Element {
         <SegmentSection {...props} />
         <EverythingTools {...props} onTurn={props.onEverything} />
         <FindTools {...props} />
-        <LabelTools session={session} labels={labels} shownView={view.view} />
+        <LabelTools {...props} shownView={view.view} />
         <SelectionTools session={session} selections={selections} />
         <DownloadTools {...props} />
       </div>

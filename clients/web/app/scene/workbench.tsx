@@ -16,6 +16,7 @@ import type { Source } from './photo_view';
 import { PhotoView } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
 import { placeOf, samePlace, sizeOf } from './prompt';
+import { useSegmentNames } from './segment_names';
 import { selectWith } from './selection_tools';
 import { serverHasSam } from './server_sam';
 import { ShortcutList, useShortcuts } from './shortcuts';
@@ -23,7 +24,7 @@ import { SplatPane } from './splat_pane';
 import { ToolPanel } from './tool_panel';
 import { FoldedStatus } from './tool_rail';
 import type { Tool } from './use_drawing';
-import { useFound, useModel } from './use_model';
+import { useFound, useModel, useThings, useTintedThings } from './use_model';
 
 interface Props {
   scene: Scene;
@@ -39,7 +40,8 @@ function useOnce(holds: boolean): boolean {
 }
 
 export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
-  const { session, selections, labels, finder, everything } = useModel(scene, views);
+  const model = useModel(scene, views);
+  const { session, selections, labels, finder, everything, things, thingsIn3d } = model;
   const [view, setView] = useState(views[0]);
   const [tool, setTool] = useState<Tool>('include');
   const [brush, setBrush] = useState(firstBrush);
@@ -68,10 +70,14 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
   useEffect(() => {
     session.show(shown);
     finder.show(shown);
+    things.show(shown);
     if (view) everything.show(shown, sizeOf(view));
-  }, [session, finder, everything, shown]);
+  }, [model, shown]);
   const found = useFound(finder, prompt === undefined);
   const named = useStore(labels.list);
+  const shownThings = useThings(things, labels, prompt);
+  const segmentNames = useSegmentNames(everything, things, labels);
+  const tintedThings = useTintedThings(things, thingsIn3d, labels);
   const color = prompt && labelColor(named, prompt);
 
   const step = (by: number) => {
@@ -125,6 +131,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     ',': () => sizeStep(-1),
     '.': () => sizeStep(1),
     g: () => showEverything(!everything.state.get().isOn),
+    n: () => things.turn(!things.state.get().isOn),
     i: () => setTool('include'),
     e: () => setTool('exclude'),
     r: () => setTool('box'),
@@ -164,12 +171,14 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
               mask={answer?.masks.get(shown)}
               color={color}
               found={found.masks}
+              things={shownThings}
               prompt={here}
               miss={samePlace(miss?.place, place) ? miss : undefined}
               tool={tool}
               brush={brush}
               hover={session.hover}
               everything={everything}
+              segmentNames={segmentNames}
               numAnswers={numAnswers}
               onPoint={(point) =>
                 everything.state.get().isOn
@@ -192,6 +201,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
                 tool={tool}
                 selection={selection?.name}
                 showing={showing}
+                things={tintedThings}
                 onPoint={addPointIn3d}
                 onTakeBack={takeBackIn3d}
               />
@@ -212,7 +222,8 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
       />
       <ToolPanel
         sceneId={sceneIdOf(scene.name)}
-        {...{ session, selections, labels, finder, everything, views, view, tool, brush }}
+        {...model}
+        {...{ views, view, tool, brush, segmentNames }}
         onTool={setTool}
         onBrush={setBrush}
         onEverything={showEverything}

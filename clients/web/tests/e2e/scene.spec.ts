@@ -23,6 +23,7 @@ import {
   truthOf,
 } from './on_screen';
 import { testPrompts } from './prompt_tests';
+import { testThings } from './things_tests';
 import { ModelSchema } from '../../gen/pepeseg/v1/scene_service_pb';
 import { Stack, artefacts, shelf } from './stack';
 
@@ -279,6 +280,8 @@ testLayout(() => ({ page }));
 testHover(() => ({ page }));
 
 testEverything(() => ({ page }));
+
+testThings(() => ({ page }));
 
 testExports(() => ({ stack, context, page, namedAreas }));
 
