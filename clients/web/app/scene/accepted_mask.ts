@@ -25,10 +25,17 @@ export function exactMask(prompt: Prompt): Mask | undefined {
   return maskIn(prompt.place.view, prompt.rle);
 }
 
-/** Returns an answer that has the mask alone, until the server says more. */
-export function answerWith(mask: Mask): Answer {
-  const masks = new Map([[mask.view, mask]]);
-  return { masks, scale: 0.5, scaleUnits: 0, threshold: 0.5, computeMs: 0 };
+const noAnswer: Answer = {
+  masks: new Map(),
+  scale: 0.5,
+  scaleUnits: 0,
+  threshold: 0.5,
+  computeMs: 0,
+};
+
+/** Returns an answer with the mask, until the server says more. `before`: the answer that it changes. */
+export function answerWith(mask: Mask, before: Answer = noAnswer): Answer {
+  return { ...before, masks: new Map([...before.masks, [mask.view, mask]]) };
 }
 
 /** Returns the accepted mask of a label; undefined if the live model does not have its view. */

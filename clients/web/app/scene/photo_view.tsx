@@ -21,7 +21,7 @@ import { SegmentUnder, SegmentsLayer } from './segments_layer';
 import { useShortcuts } from './shortcuts';
 import { useDetail } from './use_detail';
 import type { Tool } from './use_drawing';
-import { useDrawing } from './use_drawing';
+import { drawsLines, isWide, useDrawing } from './use_drawing';
 import { useZoom } from './use_zoom';
 import { ZoomButtons } from './zoom_buttons';
 
@@ -66,9 +66,17 @@ const noMasks: readonly NamedMask[] = [];
 /** Maximum of the longer side of the unzoomed preview, pixels: it is painted often. */
 const previewSide = 1024;
 
-const enterClicks = 'Enter segments what is under it, Shift and Enter excludes it.';
-const enterDraws =
-  'Enter begins and ends a stroke over what is meant, Shift and Enter one over what is not.';
+/** Describes what Enter does with a tool. */
+function keysOf(tool: Tool): string {
+  if (tool === 'lasso') return 'Enter begins and ends an outline around what is meant.';
+  if (tool === 'paint' || tool === 'erase') {
+    return `Enter begins and ends a stroke that ${tool === 'paint' ? 'adds to' : 'takes from'} the mask.`;
+  }
+  if (tool === 'brush') {
+    return 'Enter begins and ends a stroke over what is meant, Shift and Enter one over what is not.';
+  }
+  return 'Enter segments what is under it, Shift and Enter excludes it.';
+}
 
 /** The names of masks, written on them. */
 function Names({
@@ -138,9 +146,8 @@ export function PhotoView(props: Props): JSX.Element {
     '0': zooming.fit,
   });
   const classes = ['picture'];
-  const isBrush = tool === 'brush';
-  if (tool === 'box' || isBrush) classes.push('drawing');
-  if (isBrush) classes.push('brushing');
+  if (tool === 'box' || drawsLines(tool)) classes.push('drawing');
+  if (isWide(tool)) classes.push('brushing');
   if (zooming.isPanning) classes.push('panning');
   if (zoom.scale > 4) classes.push('pixelated');
 
@@ -156,7 +163,7 @@ export function PhotoView(props: Props): JSX.Element {
         }}
         role="application"
         tabIndex={0}
-        aria-label={`View ${view.view}. Arrow keys move a cursor, ${isBrush ? enterDraws : enterClicks}`}
+        aria-label={`View ${view.view}. Arrow keys move a cursor, ${keysOf(tool)}`}
         data-view={view.view}
         data-answers={numAnswers}
         data-zoom={zoom.scale.toFixed(2)}
@@ -196,6 +203,7 @@ export function PhotoView(props: Props): JSX.Element {
             prompt={prompt}
             box={box}
             stroke={stroke}
+            isOutline={tool === 'lasso'}
             cursor={cursor ?? mouse}
             brushWidth={brushWidth}
             unit={unit}

@@ -108,6 +108,11 @@ export function ownViewOf(prompt: Prompt): string {
   return place && 'view' in place ? place.view : '';
 }
 
+/** Returns whether the prompt is the mask of the prompt before it, changed by hand. */
+export function isEdited(prompt: Prompt): boolean {
+  return prompt.kind === 'mask' && prompt.isExact && prompt.segment === undefined;
+}
+
 /** Returns whether the prompt is in a picture of the 3D view. */
 export function isIn3d(prompt: Prompt): boolean {
   const place = placeOf(prompt);

@@ -3,6 +3,8 @@
 import type { SegmentViewsResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { failureOf, isCancelled } from '../api/failure';
 import { SegmentSocket } from '../api/segment_socket';
+import type { Rle } from '../mask/rle';
+import { extentOf } from '../mask/rle';
 import { Store } from '../store';
 import { answerWith, exactMask } from './accepted_mask';
 import type { Answer, Mask } from './answer';
@@ -17,7 +19,7 @@ import type { Miss } from './miss';
 import { isMiss, missOf } from './miss';
 import { OtherViews } from './other_views';
 import type { Granularity, Place, Point, Prompt, Stroke } from './prompt';
-import { isIn3d, ownViewOf, segmentRequest } from './prompt';
+import { isEdited, isIn3d, ownViewOf, segmentRequest } from './prompt';
 import type { SamClicks } from './segment_views';
 import type { Before, Found, SessionState } from './session_state';
 import { SizeChoice } from './size_choice';
@@ -106,6 +108,13 @@ export class SceneSession {
 
   addStroke(place: Place, stroke: Stroke): void {
     this.extend(withStroke(this.state.get().prompt, place, stroke));
+  }
+
+  /** Takes a mask of a view that was changed by hand: there it stays as it is, and the other views follow. */
+  edit(view: string, rle: Rle): void {
+    const prompt = { kind: 'mask', place: { view }, rle, isExact: true } as const;
+    if (extentOf(rle).area > 0) this.pose(prompt);
+    else this.clear();
   }
 
   /**
@@ -253,7 +262,7 @@ export class SceneSession {
       prompt,
       granularity,
       // The mask so far is shown until the next one comes.
-      answer: same ? answer : exact && answerWith(exact),
+      answer: same ? answer : exact && answerWith(exact, isEdited(prompt) ? answer : undefined),
       ladder: same ? { ...ladder, isCurrent: false } : noLadder,
     });
     this.send(true, preview?.response);

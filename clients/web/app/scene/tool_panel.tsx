@@ -13,6 +13,7 @@ import type { SceneFinder } from './finder';
 import { HoverSwitch } from './hover_mask';
 import { LabelTools } from './label_tools';
 import type { SceneLabels } from './labels';
+import { PieceTools } from './mask_tools';
 import { sizeOf } from './prompt';
 import type { SegmentNames } from './segment_names';
 import { GranularityTools, PromptButtons, PromptTools } from './segment_tools';
@@ -76,6 +77,7 @@ function SegmentSection(props: SegmentProps): JSX.Element {
       </p>
       <FailureNote failure={failure} close={() => session.closeFailure()} />
       <GranularityTools session={session} hasSam={hasSam} />
+      <PieceTools session={session} view={view.view} />
       <HoverSwitch session={session} />
     </section>
   );

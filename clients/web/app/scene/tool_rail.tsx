@@ -26,7 +26,7 @@ export function ToolRail(props: RailProps): JSX.Element {
   const { isOn } = useStore(everything.state);
   return (
     <div class="rail">
-      <div class="rail-tools" role="group" aria-label="What a click does">
+      <div class="rail-tools" role="group" aria-label="What the pointer does">
         {promptTools.map(({ tool: other, name, icon, key }) => (
           <button
             key={other}

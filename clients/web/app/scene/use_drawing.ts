@@ -8,7 +8,17 @@ import { drawingWidth } from './marks';
 import type { Size } from './photo_frame';
 import type { Box, Point, Stroke } from './prompt';
 
-export type Tool = 'include' | 'exclude' | 'box' | 'brush';
+export type Tool = 'include' | 'exclude' | 'box' | 'brush' | 'lasso' | 'paint' | 'erase';
+
+/** Returns whether the tool draws as wide as the brush is. */
+export function isWide(tool: Tool): boolean {
+  return tool === 'brush' || tool === 'paint' || tool === 'erase';
+}
+
+/** Returns whether the tool draws lines. */
+export function drawsLines(tool: Tool): boolean {
+  return isWide(tool) || tool === 'lasso';
+}
 
 /** A press that moves less than this, in screen pixels, is a click. */
 const clickSlack = 5;
@@ -72,10 +82,12 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
     const from = pressed.current;
     return !!from && Math.hypot(clientX - from.screenX, clientY - from.screenY) > clickSlack;
   };
-  const isBrush = tool === 'brush';
-  const brushWidth = strokeWidth(brush, width);
+  const isLine = drawsLines(tool);
+  const hasWidth = isWide(tool);
+  const lineWidth = hasWidth ? strokeWidth(brush, width) : 0;
   const newStroke = ({ x, y }: Spot, shift: boolean): Stroke => {
-    return { path: [{ x, y }], negative: shift !== brush.negative, width: brushWidth };
+    const isNot = tool === 'brush' ? brush.negative : tool === 'erase';
+    return { path: [{ x, y }], negative: hasWidth && shift !== isNot, width: lineWidth };
   };
   const pointAt = ({ x, y }: Spot, shift: boolean): Point => {
     return { x, y, negative: shift || tool === 'exclude' };
@@ -94,9 +106,9 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
     if (event.button !== 0) return;
     pressed.current = { ...spotOf(event), screenX: event.clientX, screenY: event.clientY };
     watch.hold();
-    if (isBrush) setStroke(newStroke(spotOf(event), event.shiftKey));
+    if (isLine) setStroke(newStroke(spotOf(event), event.shiftKey));
     // A finger scrolls the page, unless it draws.
-    if (event.pointerType !== 'touch' || tool === 'box' || isBrush) {
+    if (event.pointerType !== 'touch' || tool === 'box' || isLine) {
       (event.currentTarget as Element).setPointerCapture(event.pointerId);
     }
   };
@@ -109,12 +121,12 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
   };
   const move = (event: PointerEvent) => {
     const spot = spotOf(event);
-    if (isBrush && event.pointerType !== 'touch') setMouse(spot);
+    if (hasWidth && event.pointerType !== 'touch') setMouse(spot);
     if (!pressed.current) {
       if (event.buttons === 0) preview(event, spot);
       return;
     }
-    if (isBrush) {
+    if (isLine) {
       setStroke((begun) => begun && continued(begun, spot, width / zoom.scale));
     } else if (isDrag(event)) {
       watch.leave();
@@ -124,7 +136,7 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
   const release = (event: PointerEvent) => {
     const from = pressed.current;
     if (!from) return;
-    if (isBrush) return finish();
+    if (isLine) return finish();
     const dragged = isDrag(event);
     drop();
     if (dragged) {
@@ -136,7 +148,7 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
   };
   const enter = (at: Spot, shift: boolean) => {
     setCursor(at);
-    if (!isBrush) onPoint(pointAt(at, shift));
+    if (!isLine) onPoint(pointAt(at, shift));
     else if (stroke) finish();
     else setStroke(newStroke(at, shift));
   };
@@ -171,8 +183,8 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
     stroke,
     /** Position of the keyboard's cursor. */
     cursor,
-    mouse: isBrush ? mouse : undefined,
-    brushWidth: isBrush ? brushWidth : undefined,
+    mouse: hasWidth ? mouse : undefined,
+    brushWidth: hasWidth ? lineWidth : undefined,
     /** Ends what was begun, when a gesture takes the pointer. */
     interrupt: () => {
       drop();

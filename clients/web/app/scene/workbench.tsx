@@ -12,6 +12,7 @@ import { findAlike } from './find_tools';
 import { labelColor } from './labels';
 import type { Layout } from './layout';
 import { panesOn } from './layout';
+import { drawWith } from './mask_tools';
 import type { Source } from './photo_view';
 import { PhotoView } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
@@ -24,6 +25,7 @@ import { SplatPane } from './splat_pane';
 import { ToolPanel } from './tool_panel';
 import { FoldedStatus } from './tool_rail';
 import type { Tool } from './use_drawing';
+import { isWide } from './use_drawing';
 import { useFound, useModel, useThings, useTintedThings } from './use_model';
 
 interface Props {
@@ -107,6 +109,10 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     // A click that hit nothing took itself back.
     if (now && now === promptIn3d.current) session.undo();
   };
+  const otherSide = () => {
+    if (tool === 'brush') setBrush({ ...brush, negative: !brush.negative });
+    else if (tool === 'paint' || tool === 'erase') setTool(tool === 'paint' ? 'erase' : 'paint');
+  };
   const showEverything = (isOn: boolean) => {
     session.hover.leave();
     if (isOn) setTool('include');
@@ -136,9 +142,12 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     e: () => setTool('exclude'),
     r: () => setTool('box'),
     d: () => setTool('brush'),
-    x: () => tool === 'brush' && setBrush({ ...brush, negative: !brush.negative }),
-    '>': () => tool === 'brush' && setBrush(withWidth(brush, brush.width + 2)),
-    '<': () => tool === 'brush' && setBrush(withWidth(brush, brush.width - 2)),
+    f: () => setTool('lasso'),
+    j: () => setTool('paint'),
+    k: () => setTool('erase'),
+    x: otherSide,
+    '>': () => isWide(tool) && setBrush(withWidth(brush, brush.width + 2)),
+    '<': () => isWide(tool) && setBrush(withWidth(brush, brush.width - 2)),
     u: () => session.hover.turn(!session.hover.state.get().isOn),
     v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
     a: () => hasSam.value === true && findAlike(session, finder),
@@ -186,7 +195,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
                   : session.addPoint(place, point)
               }
               onBox={(box) => session.pose({ kind: 'box', place, box })}
-              onStroke={(stroke) => session.addStroke(place, stroke)}
+              onStroke={(stroke) => drawWith(tool, session, shown, sizeOf(view), stroke)}
             />
           </div>
           <div class="pane" hidden={panes === 'photo'}>

@@ -7,6 +7,7 @@ import { testEverything } from './everything_tests';
 import { testExports } from './export_tests';
 import { testHover } from './hover_tests';
 import { testLayout } from './layout_tests';
+import { testMasks } from './mask_tests';
 import {
   answersPerSecond,
   chooseSize,
@@ -282,6 +283,8 @@ testHover(() => ({ page }));
 testEverything(() => ({ page }));
 
 testThings(() => ({ page }));
+
+testMasks(() => ({ page }));
 
 testExports(() => ({ stack, context, page, namedAreas }));
 
