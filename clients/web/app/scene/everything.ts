@@ -32,8 +32,6 @@ export interface EverythingState {
   readonly decomposition: Decomposition | undefined;
   /** Ids in the shown view at the level; undefined until they come. */
   readonly seen: SeenIds | undefined;
-  /** Id of the segment under the pointer; 0: none. */
-  readonly under: number;
   /** Segments that were hidden. */
   readonly hidden: readonly SegmentId[];
 }
@@ -53,14 +51,15 @@ export class SceneEverything {
     failure: undefined,
     decomposition: undefined,
     seen: undefined,
-    under: 0,
     hidden: nothingHidden,
   });
+  /** Id of the segment under the pointer, or chosen in a list; 0: none. */
+  readonly under = new Store(0);
   /** What the pointer does while everything is shown, in place of the preview of a click. */
   readonly pointer = {
     move: (_: string, { x, y }: { readonly x: number; readonly y: number }) => this.point(x, y),
     hold: () => undefined,
-    leave: () => this.emphasise(0),
+    leave: () => this.under.set(0),
   };
   private readonly kept = new Map<string, SeenIds>();
   private asking = new AbortController();
@@ -87,18 +86,14 @@ export class SceneEverything {
   /** Shows everything, or ends it and what it waits for. */
   turn(isOn: boolean): void {
     this.asking.abort();
-    this.state.patch({ isOn, waits: 'nothing', failure: undefined, under: 0, seen: undefined });
+    this.under.set(0);
+    this.state.patch({ isOn, waits: 'nothing', failure: undefined, seen: undefined });
     if (isOn) void this.look();
   }
 
   choose(level: Level): void {
-    this.state.patch({ level, under: 0 });
+    this.state.patch({ level });
     if (this.state.get().isOn) void this.look();
-  }
-
-  /** Emphasises a segment of the shown view, as the pointer does; 0: none. */
-  emphasise(id: number): void {
-    if (id !== this.state.get().under) this.state.patch({ under: id });
   }
 
   /** Returns the prompt of the segment at a position of the shown view; undefined: none is there. */
@@ -149,7 +144,7 @@ export class SceneEverything {
 
   private point(x: number, y: number): void {
     const { seen } = this.state.get();
-    this.emphasise(seen ? idAt(seen.picture, this.size, x, y) : 0);
+    this.under.set(seen ? idAt(seen.picture, this.size, x, y) : 0);
   }
 
   private async look(): Promise<void> {
@@ -159,7 +154,8 @@ export class SceneEverything {
     const { view } = this;
     const { level } = this.state.get();
     const known = this.kept.get(`${level} ${view}`);
-    this.state.patch({ seen: known, waits: 'nothing', failure: undefined, under: 0 });
+    this.under.set(0);
+    this.state.patch({ seen: known, waits: 'nothing', failure: undefined });
     if (known || !view) return;
     try {
       await this.decompose(signal);

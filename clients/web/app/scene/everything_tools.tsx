@@ -64,11 +64,14 @@ function Waiting({ everything }: { everything: SceneEverything }): JSX.Element |
   );
 }
 
-type PickedProps = Omit<Props, 'onPick' | 'onTurn'> & { segment: SegmentId };
+type PickedProps = Omit<Props, 'onPick' | 'onTurn' | 'segmentNames'> & {
+  segment: SegmentId;
+  name: string;
+};
 
 /** Hides the picked segment in 3D, or saves it. */
 function Picked(props: PickedProps): JSX.Element {
-  const { sceneId, session, selections, everything, segment } = props;
+  const { sceneId, session, selections, everything, segment, name } = props;
   const { prompt } = useStore(session.state);
   const { busy } = useStore(selections.state);
   const running = useMemo(() => new RunningExport(), [session]);
@@ -80,13 +83,13 @@ function Picked(props: PickedProps): JSX.Element {
   const save = () =>
     running.run(async (steps) => {
       const url = plyUrl(session.model, { segment });
-      const name = segmentName(segment).toLowerCase().replace(' ', '-');
-      saveBlob(await fetchFile(url, steps('Downloading', 'bytes')), `${sceneId}-${name}.ply`);
+      const ending = `${segmentName(segment).toLowerCase().replace(' ', '-')}.ply`;
+      saveBlob(await fetchFile(url, steps('Downloading', 'bytes')), `${sceneId}-${ending}`);
     });
   return (
     <>
       <div class="row wrap">
-        <span class="name">{segmentName(segment)}</span>
+        <span class="name">{name}</span>
         <span class="spacer" />
         <button type="button" class="chip" disabled={busy} onClick={() => void hide()}>
           Hide
@@ -101,7 +104,9 @@ function Picked(props: PickedProps): JSX.Element {
   );
 }
 
-type ListProps = Pick<Props, 'everything' | 'segmentNames' | 'onPick'> & { picked: SegmentId | undefined };
+type ListProps = Pick<Props, 'everything' | 'segmentNames' | 'onPick'> & {
+  picked: SegmentId | undefined;
+};
 
 function SegmentList(props: ListProps): JSX.Element | null {
   const { everything, segmentNames, onPick, picked } = props;
@@ -121,10 +126,10 @@ function SegmentList(props: ListProps): JSX.Element | null {
               aria-pressed={sameSegment(picked, { level, id })}
               style={{ '--swatch': `rgb(${segmentColor(id).join(' ')})` }}
               onClick={() => onPick(id)}
-              onPointerEnter={() => everything.emphasise(id)}
-              onPointerLeave={() => everything.emphasise(0)}
-              onFocus={() => everything.emphasise(id)}
-              onBlur={() => everything.emphasise(0)}
+              onPointerEnter={() => everything.under.set(id)}
+              onPointerLeave={() => everything.under.set(0)}
+              onFocus={() => everything.under.set(id)}
+              onBlur={() => everything.under.set(0)}
             >
               <span class="name">{segmentNames.get(id) ?? segmentName({ level, id })}</span>
               <span class="score">
@@ -141,10 +146,14 @@ function SegmentList(props: ListProps): JSX.Element | null {
 }
 
 export function EverythingTools(props: Props): JSX.Element {
-  const { session, selections, everything, onTurn } = props;
+  const { session, selections, everything, segmentNames, onTurn } = props;
   const { isOn, level, seen, failure, hidden } = useStore(everything.state);
   const { prompt } = useStore(session.state);
   const picked = prompt?.kind === 'mask' ? (prompt.segment as SegmentId | undefined) : undefined;
+  const nameOf = (segment: SegmentId) => {
+    const named = segment.level === level ? segmentNames.get(segment.id) : undefined;
+    return named ?? segmentName(segment);
+  };
   return (
     <section aria-labelledby="everything-title">
       <div class="row">
@@ -179,7 +188,7 @@ export function EverythingTools(props: Props): JSX.Element {
       {isOn && seen && !picked && (
         <p class="quiet">Click one in the photograph, to name, hide or export it.</p>
       )}
-      {picked && <Picked {...props} segment={picked} />}
+      {picked && <Picked {...props} segment={picked} name={nameOf(picked)} />}
       {isOn && <SegmentList {...props} picked={picked} />}
       {hidden.length > 0 && (
         <div class="row">

@@ -18,7 +18,8 @@ interface Props {
 }
 
 export function SegmentsLayer({ everything, view, isFaint }: Props): JSX.Element {
-  const { isOn, level, seen, under, hidden } = useStore(everything.state);
+  const { isOn, level, seen, hidden } = useStore(everything.state);
+  const under = useStore(everything.under);
   const canvas = useRef<HTMLCanvasElement>(null);
   const ids = isOn && seen?.view === view && seen.level === level ? seen.picture : undefined;
   const drawn = useMemo(() => ids && shrunkGrey(ids, maxSide), [ids]);
@@ -50,7 +51,8 @@ interface UnderProps {
 
 /** The name of the segment under the pointer, over the photograph. */
 export function SegmentUnder({ everything, names }: UnderProps): JSX.Element | null {
-  const { isOn, level, under } = useStore(everything.state);
+  const { isOn, level } = useStore(everything.state);
+  const under = useStore(everything.under);
   if (!isOn || under === 0) return null;
   return (
     <p class="segment-under" aria-hidden="true">

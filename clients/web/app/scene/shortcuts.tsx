@@ -60,7 +60,7 @@ const list: readonly (readonly [string, string])[] = [
   ['S', 'Select in 3D'],
   ['T, O, W', 'Selection tinted, only it, without it'],
   ['Ctrl + Z', 'Undo'],
-  ['Esc', 'Clear, also while you type a name'],
+  ['Esc', 'Clear, also while you type a name; end everything'],
   ['?', 'This list'],
 ];
 

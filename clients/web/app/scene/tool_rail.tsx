@@ -10,6 +10,7 @@ import { describeFound } from './found_things';
 import { PromptButtons, promptTools } from './segment_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import type { ThingsIn3d } from './things_in_3d';
 import type { Tool } from './use_drawing';
 
 interface RailProps {
@@ -82,22 +83,25 @@ interface StatusProps {
   finder: SceneFinder;
   selections: SceneSelections;
   everything: SceneEverything;
+  thingsIn3d: ThingsIn3d;
   /** Name of the shown view. */
   shown: string;
 }
 
 /** States and failures of all sections, over the panes while the panel is folded. */
 export function FoldedStatus(props: StatusProps): JSX.Element {
-  const { session, finder, selections, everything, shown } = props;
+  const { session, finder, selections, everything, thingsIn3d, shown } = props;
   const state = useStore(session.state);
   const finding = useStore(finder.state);
   const selecting = useStore(selections.state);
+  const colouring = useStore(thingsIn3d.state);
   const splitting = useStore(everything.state);
   const texts = [
     state.prompt && describeAnswer(state, shown, session.views),
     finding.busy && 'Looking through the scene …',
     !finding.busy && finding.found && describeFound(finding.found, finding.word),
     waitTexts[splitting.waits],
+    colouring.busy && 'Selecting the things …',
     selecting.busy && 'Selecting: looking at the views …',
   ].filter(Boolean);
   return (

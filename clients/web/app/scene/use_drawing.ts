@@ -1,6 +1,6 @@
 // What the pointer and the keys do in a photograph: clicks, boxes, strokes, and the cursor of the keyboard.
 // Zoom and pan are in use_zoom.ts. Positions are pixels of the photograph.
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useLayoutEffect, useRef, useState } from 'preact/hooks';
 import type { Brush } from './brush';
 import { continued, strokeWidth } from './brush';
 import type { Spot } from './marks';
@@ -173,7 +173,8 @@ export function useDrawing(props: DrawingProps, frame: Placed) {
     event.preventDefault();
     event.stopPropagation();
   };
-  useEffect(() => {
+  // Before the next event, which may begin something with the new tool.
+  useLayoutEffect(() => {
     drop();
     watch.leave();
   }, [view, tool, watch]);

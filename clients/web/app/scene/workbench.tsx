@@ -127,7 +127,10 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
   useShortcuts({
     '?': () => setHelp(true),
     'Ctrl+z': () => session.undo(),
-    Escape: () => session.clear(),
+    Escape: () => {
+      if (!session.state.get().prompt) everything.turn(false);
+      session.clear();
+    },
     '1': () => layout.show('photo'),
     '2': () => layout.show('both'),
     '3': () => layout.show('3d'),
@@ -217,7 +220,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
             )}
           </div>
         </div>
-        {!isPanelOpen && <FoldedStatus {...{ session, finder, selections, everything, shown }} />}
+        {!isPanelOpen && <FoldedStatus {...model} shown={shown} />}
       </div>
       <Filmstrip
         views={views}

@@ -50,19 +50,6 @@ export function testThings(shared: () => { readonly page: Page }): void {
     await page.keyboard.press('n');
     await expect(picture).toHaveAttribute('data-things', `${count}`);
     await noFindings(page);
-
-    // The segment of a thing has its name.
-    await page.keyboard.press('g');
-    await expect(page.locator('canvas.segments')).toHaveAttribute('data-level', '1', {
-      timeout: 60_000,
-    });
-    const edges = await picture.boundingBox();
-    if (!edges) throw new Error('no view on the screen');
-    const [x, y] = [0.32, 0.7];
-    await page.mouse.move(edges.x + x * edges.width, edges.y + y * edges.height);
-    await expect(page.locator('.segment-under')).toHaveText('Bunny book');
-    await page.mouse.move(4, 4);
-    await page.keyboard.press('g');
   });
 
   test('things have their colours in 3D', async () => {

@@ -83,19 +83,19 @@ test('the scene is split once, and each view and level drawn once', async () => 
 });
 
 test('the pointer emphasises the segment under it, whose mask is its prompt', async () => {
-  const { everything, state, seen } = await made();
+  const { everything, seen } = await made();
   everything.turn(true);
   everything.pointer.move('a.jpg', { x: 0.5, y: 0.5 });
-  expect(state().under).toBe(0); // there is no picture yet
+  expect(everything.under.get()).toBe(0); // there is no picture yet
   await seen();
   everything.pointer.move('a.jpg', { x: 1.5, y: 0.5 });
-  expect(state().under).toBe(2);
+  expect(everything.under.get()).toBe(2);
   const prompt = everything.promptAt(1.5, 0.5);
   expect(prompt).toMatchObject({ isExact: true, segment: { level: 1, id: 2 } });
   expect(prompt && [...decodeRle(prompt.rle)]).toEqual([0, 1, 0, 1]);
   expect(everything.promptAt(0.5, 1.5)).toBeUndefined();
   everything.pointer.leave();
-  expect(state().under).toBe(0);
+  expect(everything.under.get()).toBe(0);
 });
 
 test('a decomposition that takes long can be cancelled, and asked for again', async () => {
