@@ -91,6 +91,11 @@ function Picked(props: PickedProps): JSX.Element {
       <div class="row wrap">
         <span class="name">{name}</span>
         <span class="spacer" />
+        {busy && (
+          <span class="quiet late" role="status">
+            Selecting …
+          </span>
+        )}
         <button type="button" class="chip" disabled={busy} onClick={() => void hide()}>
           Hide
         </button>

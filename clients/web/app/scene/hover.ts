@@ -42,6 +42,8 @@ export interface HoverState {
   readonly mask: Mask | undefined;
   /** The pixel for which that is, "x,y"; empty: none. */
   readonly at: string;
+  /** Whether an answer takes over `lateMs`. */
+  readonly isLate: boolean;
 }
 
 /** A pixel of a view. */
@@ -51,7 +53,9 @@ interface Target {
 }
 
 const storedName = 'pepeseg-preview';
-const nothingShown = { mask: undefined, at: '' } as const;
+const nothingShown = { mask: undefined, at: '', isLate: false } as const;
+/** Milliseconds after which an answer is late. */
+const lateMs = 300;
 
 /** Returns the pixel under a position: its middle, which all positions in it share. */
 function targetOf(view: string, { x, y, negative }: Point): Target {
@@ -71,6 +75,7 @@ export class ClickPreview {
   private asked: Target | undefined;
   /** The newest target that was answered, and its answer; without one nothing is there. */
   private answered: { readonly target: Target; readonly preview: Preview | undefined } | undefined;
+  private waiting: ReturnType<typeof setTimeout> | undefined;
   /** Whether a button is held. */
   private isHeld = false;
   /** The newest click: the pointer leaves its surroundings before there is another preview. */
@@ -132,7 +137,9 @@ export class ClickPreview {
     this.asked = undefined;
     this.answered = undefined;
     this.isHeld = false;
-    if (this.state.get().at !== '') this.state.patch(nothingShown);
+    clearTimeout(this.waiting);
+    const { at, isLate } = this.state.get();
+    if (at !== '' || isLate) this.state.patch(nothingShown);
   }
 
   private follow(): void {
@@ -154,6 +161,8 @@ export class ClickPreview {
 
   private request(target: Target, intent: Intent): void {
     this.asked = target;
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(() => this.state.patch({ isLate: true }), lateMs);
     this.session.preview(
       intent,
       target.view,
@@ -173,8 +182,10 @@ export class ClickPreview {
   private take(target: Target, preview: Preview | undefined): void {
     this.asked = undefined;
     this.answered = { target, preview };
+    clearTimeout(this.waiting);
     const mask = preview && answerOf(preview.response).masks.get(target.view);
-    this.state.patch({ mask, at: `${target.point.x - 0.5},${target.point.y - 0.5}` });
+    const at = `${target.point.x - 0.5},${target.point.y - 0.5}`;
+    this.state.patch({ mask, at, isLate: false });
     this.ask();
   }
 }

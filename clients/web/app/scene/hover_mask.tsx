@@ -14,7 +14,7 @@ interface MaskProps {
 }
 
 export function HoverMask({ hover, view, maxSide }: MaskProps): JSX.Element {
-  const { mask, at } = useStore(hover.state);
+  const { mask, at, isLate } = useStore(hover.state);
   const canvas = useRef<HTMLCanvasElement>(null);
   const shown = mask?.view === view ? mask : undefined;
   // Before the next frame, since somebody watches it follow the pointer.
@@ -27,6 +27,7 @@ export function HoverMask({ hover, view, maxSide }: MaskProps): JSX.Element {
       class="overlay click-preview"
       aria-hidden="true"
       data-at={at}
+      data-late={isLate}
       data-area={shown?.area ?? 0}
     />
   );

@@ -43,7 +43,7 @@ type ShownProps = Pick<Props, 'things' | 'thingsIn3d' | 'labels' | 'selections'>
 /** Shows all named things in their colours, in the photograph and in 3D. */
 function ShownTools(props: ShownProps): JSX.Element {
   const { things, thingsIn3d, labels, selections } = props;
-  const { isOn } = useStore(things.state);
+  const { isOn, busy: looking } = useStore(things.state);
   const { isOn: isIn3d, busy, done, failure } = useStore(thingsIn3d.state);
   const total = useStore(labels.list).length;
   return (
@@ -73,6 +73,11 @@ function ShownTools(props: ShownProps): JSX.Element {
         >
           3D
         </button>
+        {looking && !busy && (
+          <span class="quiet late" role="status">
+            Looking …
+          </span>
+        )}
         {busy && (
           <span class="quiet" role="status">
             {`Selecting: ${done} of ${total} …`}

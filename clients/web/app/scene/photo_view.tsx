@@ -185,7 +185,11 @@ export function PhotoView(props: Props): JSX.Element {
           }}
         />
         <SegmentsLayer everything={everything} view={view.view} isFaint={mask !== undefined} />
-        <canvas ref={thingsCanvas} class="overlay things-layer" aria-hidden="true" />
+        <canvas
+          ref={thingsCanvas}
+          class={`overlay things-layer ${mask ? 'faint' : ''}`}
+          aria-hidden="true"
+        />
         <canvas ref={canvas} class="overlay mask" aria-hidden="true" />
         <HoverMask
           hover={hover}

@@ -170,6 +170,7 @@ export class SceneSession {
   }
 
   end(): void {
+    this.hover.leave();
     this.endRequests();
     this.socket.close();
   }

@@ -14,10 +14,17 @@ export interface ThingMasksState {
   readonly hidden: ReadonlySet<string>;
   /** Masks in the shown view by the label's name, of those that were segmented so far. */
   readonly masks: ReadonlyMap<string, Mask>;
+  /** Whether masks are still to come. */
+  readonly busy: boolean;
 }
 
 export class ThingMasks {
-  readonly state = new Store<ThingMasksState>({ isOn: true, hidden: new Set(), masks: new Map() });
+  readonly state = new Store<ThingMasksState>({
+    isOn: true,
+    hidden: new Set(),
+    masks: new Map(),
+    busy: false,
+  });
   /** Masks by view, then by label. */
   private readonly known = new Map<string, Map<string, Mask>>();
   private looking = new AbortController();
@@ -78,11 +85,13 @@ export class ThingMasks {
     const { signal } = this.looking;
     const { view } = this;
     const { isOn, hidden } = this.state.get();
-    if (!isOn || !view) return;
     const masks = this.known.get(view) ?? new Map<string, Mask>();
     this.known.set(view, masks);
-    for (const { name } of this.labels.list.get()) {
-      if (masks.has(name) || hidden.has(name)) continue;
+    const missing = this.labels.list
+      .get()
+      .filter(({ name }) => isOn && view && !masks.has(name) && !hidden.has(name));
+    this.state.patch({ busy: missing.length > 0 });
+    for (const { name } of missing) {
       try {
         const mask = await this.maskIn(view, { kind: 'label', label: name }, signal);
         if (signal.aborted) return;
@@ -93,6 +102,7 @@ export class ThingMasks {
         // It is not drawn. A click on the thing reports what is wrong with it.
       }
     }
+    if (!signal.aborted) this.state.patch({ busy: false });
   }
 
   private async maskIn(

@@ -190,6 +190,21 @@ test('a chosen size that does not fit is left to the server, as by a click', asy
   }
 });
 
+test('an answer that is late is said to be, until it comes or the pointer leaves', async () => {
+  const { session, previews } = await fakeSession();
+  const late = () => session.hover.state.get().isLate;
+  session.hover.move('a.jpg', at(5), 0);
+  expect(late()).toBe(false);
+  await expect.poll(late).toBe(true);
+  previews[0]?.answer(inA(20));
+  expect(late()).toBe(false);
+  session.hover.move('a.jpg', at(6), 0);
+  await expect.poll(late).toBe(true);
+  session.hover.leave();
+  expect(late()).toBe(false);
+  session.end();
+});
+
 test('the switch is remembered', async () => {
   const stored = new Map<string, string>();
   const localStorage = {

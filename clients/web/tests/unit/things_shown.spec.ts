@@ -76,8 +76,11 @@ test('things are segmented once in each view, one is not shown, and its own view
   const { labels, things } = await made();
   const shown = () => [...things.state.get().masks.keys()].map((name) => name.split('/').at(-1));
   things.show('cup.jpg');
+  expect(things.state.get().busy).toBe(false);
   labels.list.set([labelOf('cup'), labelOf('jug')]);
+  expect(things.state.get().busy).toBe(true);
   await expect.poll(shown).toEqual(['cup', 'jug']);
+  await expect.poll(() => things.state.get().busy).toBe(false);
   expect(segmented).toEqual(['jug cup.jpg']); // the cup's mask was accepted
   things.toggle('scenes/shelf/labels/jug');
   things.show('b.jpg');
