@@ -56,6 +56,15 @@ export function need(query: URLSearchParams, name: string): string {
   return value;
 }
 
+/** Returns a parameter that is a whole number of at most five digits; 0 without it. */
+export function wholeNumber(query: URLSearchParams, name: string): number {
+  const value = query.get(name) ?? '0';
+  if (!/^\d{1,5}$/.test(value)) {
+    throw new ConnectError(`${name} is not a whole number below 100000`, Code.InvalidArgument);
+  }
+  return Number(value);
+}
+
 /** Aborts the work for a request when its reader goes away. */
 export function abortedWith(response: ServerResponse): AbortSignal {
   const controller = new AbortController();

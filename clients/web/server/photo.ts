@@ -9,7 +9,7 @@ import type {
 } from '../gen/pepeseg/v1/dataset_service_pb';
 import { GetPhotographRequestSchema } from '../gen/pepeseg/v1/dataset_service_pb';
 import { PixelFrame } from '../gen/pepeseg/v1/prompt_pb';
-import { abortedWith, need, queryOf, sendError, written } from './answer';
+import { abortedWith, need, queryOf, sendError, wholeNumber, written } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
@@ -21,16 +21,12 @@ const frames: Record<string, PixelFrame> = {
 
 /** Returns the request for a URL's query, or throws INVALID_ARGUMENT. */
 export function photographRequest(query: URLSearchParams): GetPhotographRequest {
-  const side = query.get('max_side') ?? '0';
   const frame = frames[query.get('frame') ?? 'photograph'];
-  if (!/^\d{1,5}$/.test(side)) {
-    throw new ConnectError('max_side is not a number of pixels', Code.InvalidArgument);
-  }
   if (frame === undefined) throw new ConnectError('frame is unknown', Code.InvalidArgument);
   return create(GetPhotographRequestSchema, {
     parent: need(query, 'parent'),
     photograph: query.get('name') ?? '',
-    maxSide: Number(side),
+    maxSide: wholeNumber(query, 'max_side'),
     frame,
   });
 }

@@ -1,10 +1,10 @@
-// GET /api/picture?model=M&view=V[&content=color|features][&max_side=S]: a view of a model as a
-// picture, in the pixels of its photograph.
+// GET /api/picture?model=M&view=V[&content=color|features|segments][&level=L][&max_side=S]: a view of a
+// model as a picture, in the pixels of its photograph. Segments are ids as 16-bit grey.
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
 import { RenderViewRequest_Content, RenderViewRequestSchema } from '../gen/pepeseg/v1/render_service_pb';
-import { abortedWith, need, queryOf, sendError } from './answer';
+import { abortedWith, need, queryOf, sendError, wholeNumber } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
@@ -12,6 +12,7 @@ import { passedOn } from './passed_on';
 const contents: Record<string, RenderViewRequest_Content> = {
   color: RenderViewRequest_Content.COLOR,
   features: RenderViewRequest_Content.FEATURES,
+  segments: RenderViewRequest_Content.SEGMENTS,
 };
 
 export async function getPicture(
@@ -24,16 +25,14 @@ export async function getPicture(
   try {
     const model = need(query, 'model');
     const content = contents[query.get('content') ?? 'color'];
-    const side = query.get('max_side') ?? '0';
-    if (!/^\d{1,5}$/.test(side)) {
-      throw new ConnectError('max_side is not a number of pixels', Code.InvalidArgument);
-    }
+    const maxSide = wholeNumber(query, 'max_side');
     if (content === undefined) throw new ConnectError('content is unknown', Code.InvalidArgument);
     const rendered = await channel.rendering.renderView(
       create(RenderViewRequestSchema, {
         model,
         content,
-        maxSide: Number(side),
+        maxSide,
+        level: wholeNumber(query, 'level'),
         featureScale: Number(query.get('scale') ?? '0.5'),
         viewpoint: { place: { case: 'view', value: need(query, 'view') } },
       }),

@@ -1,12 +1,17 @@
-// GET /api/ply?model=M[&selection=S][&complement=1][&format=NUMBER]: ExportGaussians as a file.
+// GET /api/ply?model=M[&selection=S|&segment=ID&level=L][&complement=1][&format=NUMBER]: ExportGaussians as
+// a file. A segment is one of the decomposition at the default scales.
 import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import type {
   ExportGaussiansRequest,
   ExportGaussiansResponse_Header,
 } from '../gen/pepeseg/v1/render_service_pb';
-import { ExportGaussiansRequestSchema, GaussianFormat } from '../gen/pepeseg/v1/render_service_pb';
-import { abortedWith, need, queryOf, sendError, written } from './answer';
+import {
+  ExportGaussiansRequestSchema,
+  GaussianFormat,
+  SubsetSchema,
+} from '../gen/pepeseg/v1/render_service_pb';
+import { abortedWith, need, queryOf, sendError, wholeNumber, written } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
@@ -15,12 +20,14 @@ function exportRequest(query: URLSearchParams): ExportGaussiansRequest {
   const format = Number(query.get('format') ?? GaussianFormat.PLY);
   const request = create(ExportGaussiansRequestSchema, { model: need(query, 'model'), format });
   const selection = query.get('selection');
-  if (!selection) return request;
-  request.subset = {
-    $typeName: 'pepeseg.v1.Subset',
-    of: { case: 'selection', value: selection },
-    complement: query.get('complement') === '1',
-  };
+  const id = wholeNumber(query, 'segment');
+  const complement = query.get('complement') === '1';
+  if (selection) {
+    request.subset = create(SubsetSchema, { of: { case: 'selection', value: selection }, complement });
+  } else if (id > 0) {
+    const segment = { level: wholeNumber(query, 'level'), id };
+    request.subset = create(SubsetSchema, { of: { case: 'segment', value: segment }, complement });
+  }
   return request;
 }
 

@@ -70,15 +70,23 @@ export function photoUrl(parent: string, { name, maxSide }: PhotoOptions = {}): 
   return `/api/photo?${query({ parent, name, max_side: maxSide?.toString() })}`;
 }
 
+/** Returns the URL of the ids of a view's segments, as 16-bit grey. */
+export function segmentsUrl(model: string, view: string, level: number): string {
+  return `/api/picture?${query({ model, view, content: 'segments', level: level.toString() })}`;
+}
+
 export interface PlyOptions {
   selection?: string;
+  /** A segment of the decomposition at the default scales. */
+  segment?: { readonly level: number; readonly id: number };
   complement?: boolean;
   /** Absent: PLY. */
   format?: GaussianFormat;
 }
 
 export function plyUrl(model: string, options: PlyOptions = {}): string {
-  const { selection, complement } = options;
+  const { selection, segment, complement } = options;
   const format = options.format?.toString();
-  return `/api/ply?${query({ model, selection, complement: complement ? '1' : '', format })}`;
+  const of = { selection, segment: segment?.id.toString(), level: segment?.level.toString() };
+  return `/api/ply?${query({ model, ...of, complement: complement ? '1' : '', format })}`;
 }

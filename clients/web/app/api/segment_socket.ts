@@ -29,15 +29,18 @@ export class SegmentSocket {
   private socket: WebSocket | undefined;
   private sequence = 0n;
   private newest: Uint8Array<ArrayBuffer> | undefined;
+  /** Who gets the answers, for requests that are not the constructor's. */
+  private readonly takers = new Map<bigint, Answers>();
   private answeredUpTo = 0n;
   private closed = false;
   private readonly backoff = new Backoff();
 
   constructor(private readonly answers: Answers) {}
 
-  /** Returns the sequence of the request. */
-  ask(segment: SegmentViewsRequest): bigint {
+  /** Returns the sequence of the request. `taker` gets its answer; absent: who made the socket. */
+  ask(segment: SegmentViewsRequest, taker?: Answers): bigint {
     const request = create(StreamSegmentsRequestSchema, { sequence: ++this.sequence, segment });
+    if (taker) this.takers.set(this.sequence, taker);
     this.newest = toBinary(StreamSegmentsRequestSchema, request) as Uint8Array<ArrayBuffer>;
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(this.newest);
     else this.open();
@@ -64,8 +67,18 @@ export class SegmentSocket {
     this.backoff.reset();
     const { sequence, outcome } = fromBinary(StreamSegmentsResponseSchema, bytes);
     this.answeredUpTo = sequence;
-    if (outcome.case === 'segment') this.answers.answered(sequence, outcome.value);
-    if (outcome.case === 'error') this.answers.refused(sequence, errorOf(outcome.value));
+    const taker = this.takerOf(sequence);
+    if (outcome.case === 'segment') taker.answered(sequence, outcome.value);
+    if (outcome.case === 'error') taker.refused(sequence, errorOf(outcome.value));
+  }
+
+  /** Returns who gets the answer to a request. Requests before it get none any longer. */
+  private takerOf(sequence: bigint): Answers {
+    const taker = this.takers.get(sequence) ?? this.answers;
+    for (const earlier of this.takers.keys()) {
+      if (earlier <= sequence) this.takers.delete(earlier);
+    }
+    return taker;
   }
 
   private async lost(event: CloseEvent): Promise<void> {
@@ -75,7 +88,7 @@ export class SegmentSocket {
     const code = event.code > 4000 ? ((event.code - 4000) as Code) : Code.Unavailable;
     if (code !== Code.Unavailable && code !== Code.Canceled) {
       this.answeredUpTo = this.sequence;
-      this.answers.refused(this.sequence, new ConnectError(event.reason, code));
+      this.takerOf(this.sequence).refused(this.sequence, new ConnectError(event.reason, code));
       return;
     }
     await this.backoff.wait('The server does not answer.', undefined);

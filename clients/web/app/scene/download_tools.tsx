@@ -7,12 +7,12 @@ import type { PlyOptions } from '../api/clients';
 import { plyUrl } from '../api/clients';
 import { fetchFile } from '../api/fetch_file';
 import { FailureNote } from '../components/failure_note';
-import { bytesText, countText } from '../format';
 import { saveBlob, saveCoco, saveMasks } from '../mask/save_files';
 import { useStore } from '../store';
+import { ExportProgress } from './export_progress';
 import type { SceneLabels } from './labels';
 import { sizeOf } from './prompt';
-import type { ExportStep, Watch } from './running_export';
+import type { Watch } from './running_export';
 import { RunningExport } from './running_export';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
@@ -31,34 +31,6 @@ interface Props {
   selections: SceneSelections;
   labels: SceneLabels;
   views: readonly View[];
-}
-
-function stepText({ name, unit, done, total }: ExportStep): string {
-  if (total === 0) return done === 0 ? `${name} …` : `${name}: ${bytesText(done)}`;
-  if (unit === 'bytes') return `${name}: ${bytesText(done)} of ${bytesText(total)}`;
-  return `${name}: ${countText(done)} of ${countText(total)} masks`;
-}
-
-/** What an export does now, how far it is, and a button that ends it. */
-function ExportProgress({ running }: { running: RunningExport }): JSX.Element | null {
-  const { step } = useStore(running.state);
-  if (!step) return null;
-  const { name, done, total } = step;
-  // Without a value the bar moves to and fro.
-  const share = total > 0 ? { max: total, value: done } : {};
-  return (
-    <div class="row">
-      <div class="export">
-        <progress {...share} aria-label={name} />
-        <span class="quiet" role="status">
-          {stepText(step)}
-        </span>
-      </div>
-      <button type="button" onClick={() => running.cancel()}>
-        Cancel
-      </button>
-    </div>
-  );
 }
 
 export function DownloadTools(props: Props): JSX.Element {

@@ -38,6 +38,8 @@ export function FindTools(props: Props): JSX.Element {
   const { word, busy, failure, found } = useStore(finder.state);
   const names = useStore(labels.list).map(labelName);
   const [text, setText] = useState('');
+  const canBeAlike = hasSam && answer !== undefined && !segmenting && !busy;
+  const isAlike = canBeAlike && text.trim() === '';
   const find = (wanted: string) => {
     const trimmed = wanted.trim();
     setText(wanted);
@@ -50,17 +52,6 @@ export function FindTools(props: Props): JSX.Element {
       <div class="row">
         <h2 id="find-title">Find</h2>
         <span class="spacer" />
-        {hasSam && (
-          <button
-            type="button"
-            class="chip"
-            disabled={!answer || segmenting || busy}
-            title="Finds everything that looks like the segment (A)"
-            onClick={() => findAlike(session, finder)}
-          >
-            All like this
-          </button>
-        )}
         <button
           type="button"
           class="bare"
@@ -76,7 +67,8 @@ export function FindTools(props: Props): JSX.Element {
         class="row"
         onSubmit={(event) => {
           event.preventDefault();
-          find(text);
+          if (isAlike) findAlike(session, finder);
+          else find(text);
         }}
       >
         <input
@@ -84,7 +76,7 @@ export function FindTools(props: Props): JSX.Element {
           type="text"
           maxLength={200}
           list="find-words"
-          placeholder="By a word, such as “cup”"
+          placeholder={canBeAlike ? 'A word, or all like this' : 'By a word, such as “cup”'}
           aria-label="Find by a word"
           value={text}
           onInput={(event) => setText(event.currentTarget.value)}
@@ -94,8 +86,13 @@ export function FindTools(props: Props): JSX.Element {
             <option key={known} value={known} />
           ))}
         </datalist>
-        <button type="submit" disabled={text.trim() === ''} aria-label="Find" title="Find">
-          <Icon name="search" />
+        <button
+          type="submit"
+          disabled={text.trim() === '' && !isAlike}
+          aria-label={isAlike ? 'Find all like the segment' : 'Find'}
+          title={isAlike ? 'Find all like the segment (A)' : 'Find'}
+        >
+          {isAlike ? 'All like this' : <Icon name="search" />}
         </button>
       </form>
       <p class={`quiet ${busy || found ? '' : 'gone'}`} role="status" aria-busy={busy}>

@@ -4,7 +4,7 @@ import type { Failure } from '../api/failure';
 import { failureOf, isCancelled } from '../api/failure';
 import { steadily } from '../api/server_link';
 import { Store } from '../store';
-import { acceptedMask } from './accepted_mask';
+import { acceptedFor } from './accepted_mask';
 import type { Mask } from './answer';
 import type { FoundThings } from './found_things';
 import { foundIn } from './found_things';
@@ -98,8 +98,7 @@ export class SceneFinder {
     for (const [index, { prompt, granularity }] of things.entries()) {
       try {
         const query = { model, prompt, granularity, views: [view] };
-        const accepted =
-          prompt.kind === 'label' ? await acceptedMask(prompt.label, signal) : undefined;
+        const accepted = await acceptedFor(prompt, signal);
         const isAccepted = accepted?.view === view;
         const mask = isAccepted ? accepted : (await segmentViews(query, signal)).masks.get(view);
         if (signal.aborted) return;

@@ -1,6 +1,7 @@
 // The things of a scene: segments with names (labels), which can be segmented in any view.
 import type { JSX } from 'preact';
 import { useEffect, useState } from 'preact/hooks';
+import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { ConfirmButton } from '../components/confirm_button';
@@ -13,7 +14,10 @@ import { colorOf } from './found_things';
 import type { SceneLabels } from './labels';
 import { labelName } from './labels';
 import { nameSegment } from './name_segment';
+import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import type { ThingMasks } from './thing_masks';
+import type { ThingsIn3d } from './things_in_3d';
 
 /** A label's pixels where it was named, and its number of views once they were looked at. */
 function Extent({ area, numViews }: { area: bigint; numViews: number | undefined }): JSX.Element {
@@ -28,10 +32,83 @@ function Extent({ area, numViews }: { area: bigint; numViews: number | undefined
 interface Props {
   session: SceneSession;
   labels: SceneLabels;
+  selections: SceneSelections;
+  things: ThingMasks;
+  thingsIn3d: ThingsIn3d;
   shownView: string;
 }
 
-export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
+type ShownProps = Pick<Props, 'things' | 'thingsIn3d' | 'labels' | 'selections'>;
+
+/** Shows all named things in their colours, in the photograph and in 3D. */
+function ShownTools(props: ShownProps): JSX.Element {
+  const { things, thingsIn3d, labels, selections } = props;
+  const { isOn, busy: looking } = useStore(things.state);
+  const { isOn: isIn3d, busy, done, failure } = useStore(thingsIn3d.state);
+  const total = useStore(labels.list).length;
+  return (
+    <>
+      <div class="row wrap" role="group" aria-label="Where things have their colours">
+        <span class="quiet">Coloured in</span>
+        <button
+          type="button"
+          class="chip"
+          aria-label="Things coloured in the photograph"
+          aria-pressed={isOn}
+          title="Things have their colours in the photograph (N)"
+          onClick={() => things.turn(!isOn)}
+        >
+          Photograph
+        </button>
+        <button
+          type="button"
+          class="chip"
+          aria-label="Things coloured in 3D"
+          aria-pressed={isIn3d}
+          title="Things have their colours in 3D; their Gaussians are selected first"
+          onClick={() => {
+            selections.show('all');
+            thingsIn3d.turn(!isIn3d);
+          }}
+        >
+          3D
+        </button>
+        {looking && !busy && (
+          <span class="quiet late" role="status">
+            Looking …
+          </span>
+        )}
+        {busy && (
+          <span class="quiet" role="status">
+            {`Selecting: ${done} of ${total} …`}
+          </span>
+        )}
+      </div>
+      <FailureNote failure={failure} close={() => thingsIn3d.turn(false)} />
+    </>
+  );
+}
+
+/** Shows or hides one thing. */
+function Eye({ things, label }: { things: ThingMasks; label: Label }): JSX.Element {
+  const { hidden } = useStore(things.state);
+  const isShown = !hidden.has(label.name);
+  return (
+    <button
+      type="button"
+      class="bare"
+      aria-label={`Show ${labelName(label)}`}
+      aria-pressed={isShown}
+      title={isShown ? 'Hide its colour' : 'Show its colour'}
+      onClick={() => things.toggle(label.name)}
+    >
+      <Icon name={isShown ? 'eye' : 'unseen'} />
+    </button>
+  );
+}
+
+export function LabelTools(props: Props): JSX.Element {
+  const { session, labels, things, shownView } = props;
   const { prompt, answer, busy, looking } = useStore(session.state);
   const list = useStore(labels.list);
   const numViews = useStore(labels.numViews);
@@ -94,6 +171,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
         </p>
       )}
       <FailureNote failure={failure} close={() => setFailure(undefined)} />
+      {list.length > 0 && <ShownTools {...props} />}
       {list.length > 0 && (
         <ul class="things">
           {list.map((label, i) => (
@@ -107,6 +185,7 @@ export function LabelTools({ session, labels, shownView }: Props): JSX.Element {
               >
                 {labelName(label)}
               </button>
+              <Eye things={things} label={label} />
               <Extent area={label.area} numViews={numViews.get(label.name)} />
               <ConfirmButton
                 class="bare"

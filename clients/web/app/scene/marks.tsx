@@ -50,19 +50,27 @@ function StrokeMark({ stroke, unit, mark }: StrokeProps): JSX.Element {
   );
 }
 
+/** An outline that is being drawn, closed. */
+function Outline({ stroke: { path }, unit }: Pick<StrokeProps, 'stroke' | 'unit'>): JSX.Element {
+  const corners = path.map(({ x, y }) => `${(x * unit).toFixed(2)} ${(y * unit).toFixed(2)}`);
+  return <path class="mark-box" d={`M${corners.join('L')}Z`} />;
+}
+
 interface Props extends MarkScale {
   prompt: Prompt | undefined;
   /** The box that is being drawn. */
   box: Box | undefined;
   /** The stroke that is being drawn. */
   stroke: Stroke | undefined;
+  /** Whether the stroke goes around what is meant. */
+  isOutline: boolean;
   cursor: Spot | undefined;
   /** Width of the brush at the cursor, pixels of the photograph; undefined: no brush. */
   brushWidth: number | undefined;
 }
 
-export function Marks({ prompt, box: drawn, stroke, cursor: at, ...rest }: Props): JSX.Element {
-  const { brushWidth, unit, mark } = rest;
+export function Marks({ prompt, box: drawn, cursor: at, ...rest }: Props): JSX.Element {
+  const { stroke, isOutline, brushWidth, unit, mark } = rest;
   const scaled = ({ x, y }: Spot) => ({ x: x * unit, y: y * unit });
   const points = prompt?.kind === 'points' ? prompt.points : [];
   const strokes = prompt?.kind === 'scribbles' ? prompt.strokes : [];
@@ -71,7 +79,8 @@ export function Marks({ prompt, box: drawn, stroke, cursor: at, ...rest }: Props
   const cursor = at && scaled(at);
   return (
     <>
-      {[...strokes, ...(stroke ? [stroke] : [])].map((each, i) => {
+      {stroke && isOutline && <Outline stroke={stroke} unit={unit} />}
+      {[...strokes, ...(stroke && !isOutline ? [stroke] : [])].map((each, i) => {
         const [dot] = each.path;
         return each.width === 0 && each.path.length === 1 && dot ? (
           <Dot key={i} {...scaled(dot)} negative={each.negative} mark={mark} />

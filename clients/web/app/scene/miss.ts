@@ -1,8 +1,9 @@
 // Prompts that hit nothing.
 import type { Failure } from '../api/failure';
+import { middleOf } from '../mask/rle';
 import type { Place, Prompt } from './prompt';
 
-/** A click, the middle of a box or the end of a stroke that hit nothing: pixels of its view. */
+/** A click, the middle of a box or a mask, or the end of a stroke that hit nothing: pixels of its view. */
 export interface Miss {
   readonly place: Place;
   readonly x: number;
@@ -21,6 +22,7 @@ export function missOf(prompt: Prompt): Miss | undefined {
     const { x, y, width, height } = prompt.box;
     return { place, x: x + width / 2, y: y + height / 2 };
   }
+  if (prompt.kind === 'mask') return { place, ...middleOf(prompt.rle) };
   const last =
     prompt.kind === 'points' ? prompt.points.at(-1) : prompt.strokes.at(-1)?.path.at(-1);
   return last && { place, x: last.x, y: last.y };

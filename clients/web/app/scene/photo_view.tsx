@@ -6,24 +6,30 @@ import { MissNote } from '../components/miss_note';
 import type { Layer } from '../mask/paint';
 import { paintLayers, paintMask } from '../mask/paint';
 import { middleOf } from '../mask/rle';
+import { useStore } from '../store';
 import type { Mask } from './answer';
 import type { Brush } from './brush';
-import { continued, strokeWidth } from './brush';
+import type { ClickPreview } from './hover';
+import { HoverMask } from './hover_mask';
+import type { SceneEverything } from './everything';
 import type { MarkScale, Spot } from './marks';
 import { Marks, drawingWidth } from './marks';
 import type { Box, Point, Prompt, Stroke } from './prompt';
 import { sizeOf } from './prompt';
+import type { SegmentNames } from './segment_names';
+import { SegmentUnder, SegmentsLayer } from './segments_layer';
 import { useShortcuts } from './shortcuts';
 import { useDetail } from './use_detail';
+import type { Tool } from './use_drawing';
+import { drawsLines, isWide, useDrawing } from './use_drawing';
 import { useZoom } from './use_zoom';
 import { ZoomButtons } from './zoom_buttons';
 
 export type Source = 'photo' | 'rendering';
-export type Tool = 'include' | 'exclude' | 'box' | 'brush';
 
-/** The mask of a found thing, with its number and colour in the list. */
-export interface FoundMask extends Layer {
-  readonly number: number;
+/** A mask with the name that is written on it, or its number in a list. */
+export interface NamedMask extends Layer {
+  readonly name: string;
 }
 
 interface Props {
@@ -37,13 +43,18 @@ interface Props {
   /** Colour of the mask; absent: the accent's. */
   color: Layer['color'] | undefined;
   /** Masks of what was found, drawn while there is no other. */
-  found: readonly FoundMask[];
+  found: readonly NamedMask[];
+  /** Masks of named things, drawn while neither everything nor what was found is. */
+  things: readonly NamedMask[];
   /** The prompt, if it is about this view. */
   prompt: Prompt | undefined;
   /** Position of a click that hit nothing in this view. */
   miss: Spot | undefined;
   tool: Tool;
   brush: Brush;
+  hover: ClickPreview;
+  everything: SceneEverything;
+  segmentNames: SegmentNames;
   /** Number of answers shown, for measurements. */
   numAnswers: number;
   onPoint: (point: Point) => void;
@@ -51,42 +62,37 @@ interface Props {
   onStroke: (stroke: Stroke) => void;
 }
 
-/** A press that moves less than this, in screen pixels, is a click. */
-const clickSlack = 5;
-/** Step of the keyboard's cursor, in units of the drawing. */
-const keyStep = 8;
+const noMasks: readonly NamedMask[] = [];
+/** Maximum of the longer side of the unzoomed preview, pixels: it is painted often. */
+const previewSide = 1024;
 
-const arrows: Record<string, readonly [number, number]> = {
-  ArrowLeft: [-1, 0],
-  ArrowRight: [1, 0],
-  ArrowUp: [0, -1],
-  ArrowDown: [0, 1],
-};
-
-const enterClicks = 'Enter segments what is under it, Shift and Enter excludes it.';
-const enterDraws =
-  'Enter begins and ends a stroke over what is meant, Shift and Enter one over what is not.';
-
-function boxOf(a: Spot, b: Spot): Box {
-  const [x, y] = [Math.min(a.x, b.x), Math.min(a.y, b.y)];
-  return { x, y, width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y) };
+/** Describes what Enter does with a tool. */
+function keysOf(tool: Tool): string {
+  if (tool === 'lasso') return 'Enter begins and ends an outline around what is meant.';
+  if (tool === 'paint' || tool === 'erase') {
+    return `Enter begins and ends a stroke that ${tool === 'paint' ? 'adds to' : 'takes from'} the mask.`;
+  }
+  if (tool === 'brush') {
+    return 'Enter begins and ends a stroke over what is meant, Shift and Enter one over what is not.';
+  }
+  return 'Enter segments what is under it, Shift and Enter excludes it.';
 }
 
-/** The numbers of found things on their masks. */
-function Numbers({
-  found,
+/** The names of masks, written on them. */
+function Names({
+  masks,
   unit,
   mark,
-}: { found: readonly FoundMask[] } & MarkScale): JSX.Element {
+}: { masks: readonly NamedMask[] } & MarkScale): JSX.Element {
   const placed = useMemo(
-    () => found.map(({ number, rle }) => ({ number, at: middleOf(rle) })),
-    [found],
+    () => masks.map(({ name, rle }) => ({ name, at: middleOf(rle) })),
+    [masks],
   );
   return (
     <>
-      {placed.map(({ number, at: { x, y } }) => (
-        <g key={number} transform={`translate(${x * unit} ${y * unit}) scale(${mark})`}>
-          <text class="found-number">{number}</text>
+      {placed.map(({ name, at: { x, y } }, i) => (
+        <g key={i} transform={`translate(${x * unit} ${y * unit}) scale(${mark})`}>
+          <text class="found-number">{name}</text>
         </g>
       ))}
     </>
@@ -94,125 +100,44 @@ function Numbers({
 }
 
 export function PhotoView(props: Props): JSX.Element {
-  const {
-    view,
-    photoAt,
-    rendering,
-    source,
-    onSource,
-    mask,
-    color,
-    found,
-    prompt,
-    miss,
-    tool,
-    brush,
-    numAnswers,
-    onPoint,
-    onBox,
-    onStroke,
-  } = props;
+  const { view, photoAt, rendering, source, onSource, mask, color, found } = props;
+  const { prompt, miss, tool, hover, everything, numAnswers } = props;
+  const { isOn: showsAll } = useStore(everything.state);
   const { width, height } = sizeOf(view);
   const unit = drawingWidth / width;
   const canvas = useRef<HTMLCanvasElement>(null);
-  const pressed = useRef<(Spot & { screenX: number; screenY: number }) | undefined>(undefined);
-  const [box, setBox] = useState<Box>();
-  const [stroke, setStroke] = useState<Stroke>();
-  const [cursor, setCursor] = useState<Spot>();
-  /** Position of the mouse, where the brush shows its width. */
-  const [hover, setHover] = useState<Spot>();
+  const thingsCanvas = useRef<HTMLCanvasElement>(null);
   const [missing, setMissing] = useState('');
   /** URL of the newest picture that was loaded, or could not be. */
   const [loaded, setLoaded] = useState('');
-
-  const isDrag = ({ clientX, clientY }: PointerEvent) => {
-    const from = pressed.current;
-    return !!from && Math.hypot(clientX - from.screenX, clientY - from.screenY) > clickSlack;
-  };
-  const isBrush = tool === 'brush';
-  const brushWidth = strokeWidth(brush, width);
-  const newStroke = ({ x, y }: Spot, shift: boolean): Stroke => {
-    return { path: [{ x, y }], negative: shift !== brush.negative, width: brushWidth };
-  };
-  const negativePoint = (shift: boolean) => shift || tool === 'exclude';
-  const drop = () => {
-    pressed.current = undefined;
-    setBox(undefined);
-    setStroke(undefined);
-  };
-  const zooming = useZoom({ width, height }, view.view, drop);
-  const { zoom, placed, spotOf } = zooming;
-  const detail = useDetail(view.view, { width, height }, zoom.scale);
-  const photo = photoAt(detail.photo);
-  const hasPhoto = missing !== photo;
-  const shown = hasPhoto && source === 'photo' ? photo : rendering;
+  const photo = { width, height };
+  const zooming = useZoom(photo, view.view, () => drawing.interrupt());
+  const { zoom, placed } = zooming;
+  const drawing = useDrawing(
+    {
+      ...props,
+      view: view.view,
+      photo,
+      watch: showsAll ? everything.pointer : hover,
+      onCursor: showsAll ? (spot) => everything.pointer.move(view.view, spot) : undefined,
+    },
+    zooming,
+  );
+  const { box, stroke, cursor, mouse, brushWidth } = drawing;
+  const detail = useDetail(view.view, photo, zoom.scale);
+  const photoSrc = photoAt(detail.photo);
+  const hasPhoto = missing !== photoSrc;
+  const shown = hasPhoto && source === 'photo' ? photoSrc : rendering;
   useEffect(() => {
     if (!canvas.current) return;
     if (mask) paintMask(canvas.current, mask.rle, color, detail.mask);
     else paintLayers(canvas.current, found, detail.mask);
   }, [mask, color, found, detail]);
+  const shownThings = showsAll || found.length > 0 ? noMasks : props.things;
+  useEffect(() => {
+    if (thingsCanvas.current) paintLayers(thingsCanvas.current, shownThings, detail.mask);
+  }, [shownThings, detail]);
   const mark = drawingWidth / Math.max(placed.width, 1);
-  const finish = () => {
-    if (stroke) onStroke(stroke);
-    drop();
-  };
-
-  const press = (event: PointerEvent) => {
-    if (event.button !== 0) return;
-    pressed.current = { ...spotOf(event), screenX: event.clientX, screenY: event.clientY };
-    if (isBrush) setStroke(newStroke(spotOf(event), event.shiftKey));
-    // A finger scrolls the page, unless it draws.
-    if (event.pointerType !== 'touch' || tool === 'box' || isBrush) {
-      (event.currentTarget as Element).setPointerCapture(event.pointerId);
-    }
-  };
-  const move = (event: PointerEvent) => {
-    const spot = spotOf(event);
-    if (isBrush && event.pointerType !== 'touch') setHover(spot);
-    if (!pressed.current) return;
-    if (isBrush) setStroke((begun) => begun && continued(begun, spot, width / zoom.scale));
-    else if (isDrag(event)) setBox(boxOf(pressed.current, spot));
-  };
-  const release = (event: PointerEvent) => {
-    const from = pressed.current;
-    if (!from) return;
-    if (isBrush) return finish();
-    const dragged = isDrag(event);
-    drop();
-    if (dragged) {
-      const drawn = boxOf(from, spotOf(event));
-      if (drawn.width >= 2 && drawn.height >= 2) onBox(drawn);
-    } else {
-      onPoint({ x: from.x, y: from.y, negative: negativePoint(event.shiftKey) });
-    }
-  };
-  const enter = (at: Spot, shift: boolean) => {
-    setCursor(at);
-    if (!isBrush) onPoint({ ...at, negative: negativePoint(shift) });
-    else if (stroke) finish();
-    else setStroke(newStroke(at, shift));
-  };
-  const key = (event: KeyboardEvent) => {
-    const at = cursor ?? { x: width / 2, y: height / 2 };
-    const arrow = arrows[event.key];
-    if (arrow) {
-      const step = (event.shiftKey ? keyStep * 5 : keyStep) / unit / zoom.scale;
-      const x = Math.min(Math.max(at.x + arrow[0] * step, 0), width - 1);
-      const y = Math.min(Math.max(at.y + arrow[1] * step, 0), height - 1);
-      setCursor({ x, y });
-      zooming.reveal({ x, y });
-      setStroke((begun) => begun && continued(begun, { x, y }, width / zoom.scale));
-    } else if (event.key === 'Enter') {
-      enter(at, event.shiftKey);
-    } else if (event.key === 'Escape' && stroke) {
-      drop();
-    } else {
-      return;
-    }
-    event.preventDefault();
-    event.stopPropagation();
-  };
-  useEffect(drop, [view.view, tool]);
   const zoomIn = () => zooming.step(1, cursor);
   useShortcuts({
     '+': zoomIn,
@@ -221,8 +146,8 @@ export function PhotoView(props: Props): JSX.Element {
     '0': zooming.fit,
   });
   const classes = ['picture'];
-  if (tool === 'box' || isBrush) classes.push('drawing');
-  if (isBrush) classes.push('brushing');
+  if (tool === 'box' || drawsLines(tool)) classes.push('drawing');
+  if (isWide(tool)) classes.push('brushing');
   if (zooming.isPanning) classes.push('panning');
   if (zoom.scale > 4) classes.push('pixelated');
 
@@ -238,26 +163,14 @@ export function PhotoView(props: Props): JSX.Element {
         }}
         role="application"
         tabIndex={0}
-        aria-label={`View ${view.view}. Arrow keys move a cursor, ${isBrush ? enterDraws : enterClicks}`}
+        aria-label={`View ${view.view}. Arrow keys move a cursor, ${keysOf(tool)}`}
         data-view={view.view}
         data-answers={numAnswers}
         data-zoom={zoom.scale.toFixed(2)}
         data-area={mask?.area ?? 0}
         data-found={mask ? 0 : found.length}
-        onPointerDown={press}
-        onPointerMove={move}
-        onPointerUp={release}
-        onPointerCancel={drop}
-        onPointerLeave={() => setHover(undefined)}
-        onKeyDown={key}
-        onFocus={(event) =>
-          (event.currentTarget as Element).matches(':focus-visible') &&
-          setCursor(cursor ?? { x: width / 2, y: height / 2 })
-        }
-        onBlur={() => {
-          setCursor(undefined);
-          drop();
-        }}
+        data-things={shownThings.length}
+        {...drawing.handlers}
       >
         <img
           src={shown}
@@ -268,31 +181,45 @@ export function PhotoView(props: Props): JSX.Element {
           onLoad={() => setLoaded(shown)}
           onError={() => {
             setLoaded(shown);
-            if (shown === photo) setMissing(photo);
+            if (shown === photoSrc) setMissing(photoSrc);
           }}
         />
-        <canvas ref={canvas} class="overlay" aria-hidden="true" />
+        <SegmentsLayer everything={everything} view={view.view} isFaint={mask !== undefined} />
+        <canvas
+          ref={thingsCanvas}
+          class={`overlay things-layer ${mask ? 'faint' : ''}`}
+          aria-hidden="true"
+        />
+        <canvas ref={canvas} class="overlay mask" aria-hidden="true" />
+        <HoverMask
+          hover={hover}
+          view={view.view}
+          maxSide={Math.min(detail.mask, Math.ceil(zoom.scale) * previewSide)}
+        />
         <svg
           class="overlay"
           viewBox={`0 0 ${drawingWidth} ${height * unit}`}
           aria-hidden="true"
         >
-          {!mask && <Numbers found={found} unit={unit} mark={mark} />}
+          <Names masks={shownThings} unit={unit} mark={mark} />
+          {!mask && <Names masks={found} unit={unit} mark={mark} />}
           <Marks
             prompt={prompt}
             box={box}
             stroke={stroke}
-            cursor={cursor ?? (isBrush ? hover : undefined)}
-            brushWidth={isBrush ? brushWidth : undefined}
+            isOutline={tool === 'lasso'}
+            cursor={cursor ?? mouse}
+            brushWidth={brushWidth}
             unit={unit}
             mark={mark}
           />
         </svg>
         {miss && <MissNote x={miss.x / width} y={miss.y / height} />}
       </div>
+      <SegmentUnder everything={everything} names={props.segmentNames} />
       {loaded !== shown && (
         <p class="pane-note late" role="status">
-          Loading the {shown === photo ? 'photograph' : 'rendering'} …
+          Loading the {shown === photoSrc ? 'photograph' : 'rendering'} …
         </p>
       )}
       {stroke && cursor && (

@@ -9,6 +9,7 @@ import type {
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import type { SegmentViewsRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { SegmentViewsRequestSchema } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import type { Rle } from '../mask/rle';
 
 /** Returns the size, in pixels, of the frame of a view's prompts and masks: its photograph's. */
 export function sizeOf(view: View): { readonly width: number; readonly height: number } {
@@ -65,10 +66,22 @@ export interface Stroke {
 
 export const maxStrokeWidth = 256;
 
+/** Means what a mask of a view shows. */
+export interface MaskPrompt {
+  readonly kind: 'mask';
+  readonly place: { readonly view: string };
+  readonly rle: Rle;
+  /** Whether the mask is accepted as it is: in its own view it is the answer. */
+  readonly isExact: boolean;
+  /** The segment of a decomposition whose mask it is, with the decomposition's default scales. */
+  readonly segment?: { readonly level: number; readonly id: number };
+}
+
 export type Prompt =
   | { readonly kind: 'points'; readonly place: Place; readonly points: readonly Point[] }
   | { readonly kind: 'scribbles'; readonly place: Place; readonly strokes: readonly Stroke[] }
   | { readonly kind: 'box'; readonly place: Place; readonly box: Box }
+  | MaskPrompt
   | { readonly kind: 'label'; readonly label: string }
   /** What the server found: its own prompt for it. */
   | { readonly kind: 'found'; readonly message: PromptMessage };
@@ -95,6 +108,11 @@ export function ownViewOf(prompt: Prompt): string {
   return place && 'view' in place ? place.view : '';
 }
 
+/** Returns whether the prompt is the mask of the prompt before it, changed by hand. */
+export function isEdited(prompt: Prompt): boolean {
+  return prompt.kind === 'mask' && prompt.isExact && prompt.segment === undefined;
+}
+
 /** Returns whether the prompt is in a picture of the 3D view. */
 export function isIn3d(prompt: Prompt): boolean {
   const place = placeOf(prompt);
@@ -116,6 +134,10 @@ export function promptOf(prompt: Prompt): MessageInitShape<typeof PromptSchema> 
   if (prompt.kind === 'scribbles') {
     const strokes = prompt.strokes.map(({ path, ...stroke }) => ({ ...stroke, path: [...path] }));
     return { view, what: { case: 'scribbles', value: { strokes } } };
+  }
+  if (prompt.kind === 'mask') {
+    const image = { case: 'rle', value: { ...prompt.rle } } as const;
+    return { view, what: { case: 'mask', value: { image } } };
   }
   const points = prompt.points.map((point) => ({ ...point }));
   return { view, what: { case: 'points', value: { points } } };

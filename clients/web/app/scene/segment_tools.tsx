@@ -1,4 +1,4 @@
-// The tools of a prompt: include, exclude, box, brush; its size; scale, threshold and SAM.
+// The tools of a prompt and of its mask; its size; scale, threshold and SAM.
 import type { JSX } from 'preact';
 import type { IconName } from '../components/icons';
 import { Icon } from '../components/icons';
@@ -6,9 +6,10 @@ import { useStore } from '../store';
 import type { Brush } from './brush';
 import { maxBrush, minBrush, strokeWidth, withWidth } from './brush';
 import { describeRung } from './ladder';
-import type { Tool } from './photo_view';
 import type { SamClicks } from './segment_views';
 import type { SceneSession } from './session';
+import type { Tool } from './use_drawing';
+import { isWide } from './use_drawing';
 
 interface PromptTool {
   readonly tool: Tool;
@@ -23,6 +24,9 @@ export const promptTools: readonly PromptTool[] = [
   { tool: 'exclude', name: 'Exclude', icon: 'minus', key: 'E' },
   { tool: 'box', name: 'Box', icon: 'box', key: 'R' },
   { tool: 'brush', name: 'Brush', icon: 'brush', key: 'D' },
+  { tool: 'lasso', name: 'Lasso', icon: 'lasso', key: 'F' },
+  { tool: 'paint', name: 'Paint', icon: 'paint', key: 'J' },
+  { tool: 'erase', name: 'Erase', icon: 'erase', key: 'K' },
 ];
 
 interface ToolsProps {
@@ -37,7 +41,7 @@ interface ToolsProps {
 export function PromptTools({ tool, onTool, ...brushing }: ToolsProps): JSX.Element {
   return (
     <>
-      <div class="segmented stacked" role="group" aria-label="What a click does">
+      <div class="segmented stacked" role="group" aria-label="What the pointer does">
         {promptTools.map(({ tool: other, name, icon, key }) => (
           <button
             key={other}
@@ -51,33 +55,20 @@ export function PromptTools({ tool, onTool, ...brushing }: ToolsProps): JSX.Elem
           </button>
         ))}
       </div>
-      {tool === 'brush' && <BrushTools {...brushing} />}
+      {isWide(tool) && <BrushTools {...brushing} isPrompt={tool === 'brush'} />}
     </>
   );
 }
 
-type BrushProps = Pick<ToolsProps, 'brush' | 'onBrush' | 'viewWidth'>;
+interface BrushProps extends Pick<ToolsProps, 'brush' | 'onBrush' | 'viewWidth'> {
+  /** Whether it draws over what is meant or not, rather than on the mask. */
+  isPrompt: boolean;
+}
 
-function BrushTools({ brush, onBrush, viewWidth }: BrushProps): JSX.Element {
-  const { negative, width } = brush;
+function BrushTools({ brush, onBrush, viewWidth, isPrompt }: BrushProps): JSX.Element {
   return (
     <>
-      <div class="segmented" role="group" aria-label="What the brush draws over">
-        <button
-          type="button"
-          aria-pressed={!negative}
-          onClick={() => onBrush({ ...brush, negative: false })}
-        >
-          <Icon name="plus" /> What is meant
-        </button>
-        <button
-          type="button"
-          aria-pressed={negative}
-          onClick={() => onBrush({ ...brush, negative: true })}
-        >
-          <Icon name="minus" /> What is not
-        </button>
-      </div>
+      {isPrompt && <BrushSides brush={brush} onBrush={onBrush} />}
       <Slider
         id="brush-width"
         name="Width"
@@ -85,10 +76,31 @@ function BrushTools({ brush, onBrush, viewWidth }: BrushProps): JSX.Element {
         min={minBrush}
         max={maxBrush}
         step={1}
-        value={width}
+        value={brush.width}
         onInput={(value) => onBrush(withWidth(brush, value))}
       />
     </>
+  );
+}
+
+function BrushSides({ brush, onBrush }: Pick<BrushProps, 'brush' | 'onBrush'>): JSX.Element {
+  const sides = [
+    { negative: false, icon: 'plus', name: 'What is meant' },
+    { negative: true, icon: 'minus', name: 'What is not' },
+  ] as const;
+  return (
+    <div class="segmented" role="group" aria-label="What the brush draws over">
+      {sides.map(({ negative, icon, name }) => (
+        <button
+          key={name}
+          type="button"
+          aria-pressed={brush.negative === negative}
+          onClick={() => onBrush({ ...brush, negative })}
+        >
+          <Icon name={icon} /> {name}
+        </button>
+      ))}
+    </div>
   );
 }
 

@@ -1,5 +1,9 @@
 // The selection of Gaussians in 3D: made, added to, subtracted from, hidden or shown alone.
-import type { Selection } from '../../gen/pepeseg/v1/selection_service_pb';
+import type { MessageInitShape } from '@bufbuild/protobuf';
+import type {
+  CreateSelectionRequestSchema,
+  Selection,
+} from '../../gen/pepeseg/v1/selection_service_pb';
 import { SetOperation } from '../../gen/pepeseg/v1/selection_service_pb';
 import { newRequestId, selections } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -26,6 +30,13 @@ export const operations = {
   intersect: SetOperation.INTERSECT,
 } as const;
 
+function sourceOf(prompt: Prompt): MessageInitShape<typeof CreateSelectionRequestSchema>['source'] {
+  const segment = prompt.kind === 'mask' ? prompt.segment : undefined;
+  // The scales are left out: they are the default ones.
+  if (segment) return { case: 'segment', value: { ...segment } };
+  return { case: 'prompt', value: promptOf(prompt) };
+}
+
 export class SceneSelections {
   readonly state = new Store<SelectionState>({
     selection: undefined,
@@ -41,12 +52,19 @@ export class SceneSelections {
     const combined = operation !== SetOperation.REPLACE && base !== undefined;
     const request = {
       model: this.model,
-      source: { case: 'prompt', value: promptOf(prompt) } as const,
+      source: sourceOf(prompt),
       granularity: granularityOf(granularity),
       requestId: newRequestId(),
       ...(combined && { base, operation }),
     };
     await this.take(() => selections.createSelection(request));
+  }
+
+  /** Leaves what the prompt means out of the 3D view, too; what was hidden before stays hidden. */
+  async hide(prompt: Prompt): Promise<void> {
+    const isMore = this.state.get().showing === 'hidden';
+    await this.select(prompt, {}, isMore ? operations.add : operations.select);
+    if (!this.state.get().failure) this.show('hidden');
   }
 
   async undo(): Promise<void> {

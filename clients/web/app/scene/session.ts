@@ -3,24 +3,28 @@
 import type { SegmentViewsResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { failureOf, isCancelled } from '../api/failure';
 import { SegmentSocket } from '../api/segment_socket';
+import type { Rle } from '../mask/rle';
+import { extentOf } from '../mask/rle';
 import { Store } from '../store';
-import { acceptedMask } from './accepted_mask';
+import { answerWith, exactMask } from './accepted_mask';
 import type { Answer, Mask } from './answer';
 import { answerOf } from './answer';
 import type { Refusal } from './extend_prompt';
-import { agreesWith, isExtended, isRefusal, withPoint, withStroke } from './extend_prompt';
-import { ladderOf, noLadder } from './ladder';
+import { isExtended, isRefusal, withPoint, withStroke } from './extend_prompt';
+import type { Intent, Preview } from './hover';
+import { ClickPreview } from './hover';
+import { KeptMasks } from './kept_masks';
+import { noLadder } from './ladder';
 import type { Miss } from './miss';
 import { isMiss, missOf } from './miss';
 import { OtherViews } from './other_views';
 import type { Granularity, Place, Point, Prompt, Stroke } from './prompt';
-import { isIn3d, ownViewOf, segmentRequest } from './prompt';
+import { isEdited, isIn3d, ownViewOf, segmentRequest } from './prompt';
 import type { SamClicks } from './segment_views';
-import { segmentViews } from './segment_views';
 import type { Before, Found, SessionState } from './session_state';
+import { SizeChoice } from './size_choice';
 import {
   beforeOf,
-  granularityElsewhere,
   isForSam,
   isOpen,
   nothingAnswered,
@@ -31,7 +35,11 @@ import {
 
 export class SceneSession {
   readonly state = new Store<SessionState>(nothingAsked);
+  /** What a click would give. */
+  readonly hover: ClickPreview;
   private readonly others: OtherViews;
+  private readonly kept: KeptMasks;
+  private readonly sizes: SizeChoice;
   private readonly past: Pick<SessionState, 'prompt' | 'granularity'>[] = [];
   private readonly socket = new SegmentSocket({
     answered: (sequence, answer) => this.take(sequence, answer),
@@ -42,13 +50,7 @@ export class SceneSession {
   private newestSequence = 0n;
   /** The state before the newest prompt, until that is answered. */
   private before: { readonly state: Before; readonly found: Found } | undefined;
-  /** Ends the requests for masks that are kept. */
-  private keeping = new AbortController();
-  private found = nothingFound;
-  /** Whether the size slider is being moved: all of that is one step for undo. */
-  private climbing = false;
-  /** Granularities that were chosen by the size slider. */
-  private readonly snapped = new WeakSet<Granularity>();
+  private found: Found = nothingFound;
   private shownView = '';
 
   /** `views`: names of the model's views, in their order. */
@@ -56,34 +58,63 @@ export class SceneSession {
     readonly model: string,
     readonly views: readonly string[],
   ) {
-    this.others = new OtherViews({
+    const common = {
       model,
-      views,
       state: this.state,
       shown: () => this.shownView,
       soFar: () => this.found,
-      report: (error, signal) => this.report(error, signal),
+      report: (error: unknown, signal: AbortSignal) => this.report(error, signal),
+    };
+    this.kept = new KeptMasks({ ...common, keep: (masks) => this.keep(masks) });
+    this.sizes = new SizeChoice({
+      ...common,
+      find: (found) => (this.found = { ...this.found, ...found }),
+      remember: () => this.remember(),
+      outdate: () => this.outdate(),
+      ask: (named) => this.ask(named),
+    });
+    this.others = new OtherViews({
+      ...common,
+      views,
       takeMasks: (masks, bySam) => this.takeMasks(masks, bySam),
-      takeProposals: (proposals) => {
-        this.found = { ...this.found, proposals };
-        this.putLadder();
-      },
+      takeProposals: (proposals) => this.sizes.takeProposals(proposals),
+    });
+    this.hover = new ClickPreview({
+      state: this.state,
+      intentOf: (place, point) => this.intentOf(place, point),
+      isMisfit: ({ prompt, granularity }, own) => this.sizes.isMisfit(prompt, granularity, own),
+      preview: ({ prompt, granularity }, view, answered, refused) =>
+        this.socket.ask(segmentRequest(model, prompt, granularity, [view]), {
+          answered: (_, response) => answered(response),
+          refused,
+        }),
     });
   }
 
   /** The shown view, which is requested together with the prompt's view. */
   show(view: string): void {
     this.shownView = view;
+    this.hover.leave();
     const { prompt, current } = this.state.get();
     if (prompt && !current.has(view)) this.others.ask();
   }
 
+  /** Segments what was clicked; where the pointer has rested, that is answered already. */
   addPoint(place: Place, point: Point): void {
-    this.extend(withPoint(this.state.get().prompt, place, point));
+    const preview = this.hover.click(place, point);
+    if (preview) this.pose(preview.prompt, {}, preview);
+    else this.extend(withPoint(this.state.get().prompt, place, point));
   }
 
   addStroke(place: Place, stroke: Stroke): void {
     this.extend(withStroke(this.state.get().prompt, place, stroke));
+  }
+
+  /** Takes a mask of a view that was changed by hand: there it stays as it is, and the other views follow. */
+  edit(view: string, rle: Rle): void {
+    const prompt = { kind: 'mask', place: { view }, rle, isExact: true } as const;
+    if (extentOf(rle).area > 0) this.pose(prompt);
+    else this.clear();
   }
 
   /**
@@ -98,34 +129,13 @@ export class SceneSession {
 
   /** A slider was released: all views follow. */
   rest(): void {
-    this.climbing = false;
+    this.sizes.rest();
     if (this.state.get().prompt) this.others.ask();
   }
 
-  /**
-   * Shows a rung of the ladder. In the prompt's view its mask is there already; another shown view
-   * follows at once, the rest of them with rest().
-   */
+  /** Shows a rung of the ladder. All views follow with rest(). */
   climb(index: number): void {
-    const { prompt, answer, ladder } = this.state.get();
-    const rung = ladder.rungs[index];
-    if (!prompt || !answer || !rung || !ladder.isCurrent || index === ladder.at) return;
-    if (!this.climbing) this.remember();
-    this.climbing = true;
-    this.outdate();
-    const { granularity, scale, threshold, mask } = rung;
-    if (!isOpen(granularity)) this.snapped.add(granularity);
-    this.state.patch({
-      granularity,
-      answer: { ...answer, scale, threshold, masks: new Map([...answer.masks, [mask.view, mask]]) },
-      ladder: { ...ladder, at: index },
-      busy: false,
-      looking: false,
-      current: new Set([mask.view]),
-    });
-    const kept = isForSam(this.state.get()) ? ([[mask.view, mask]] as const) : [];
-    this.found = { ...this.found, kept: new Map(kept) };
-    if (this.shownView !== mask.view) this.ask([this.shownView]);
+    this.sizes.climb(index);
   }
 
   /** Chooses whether SAM and the model answer clicks together. */
@@ -136,23 +146,9 @@ export class SceneSession {
     if (before.answer && isAsked && before.samClicks !== samClicks) this.send();
   }
 
-  /** Lets SAM place the border of the shown mask, at the scale and threshold of the answer. */
-  async placeBorder(): Promise<void> {
-    const { prompt, answer, busy } = this.state.get();
-    if (!prompt || !answer || busy) return;
-    const granularity = granularityElsewhere(this.state.get());
-    const views = isIn3d(prompt) ? undefined : [this.shownView].filter(Boolean);
-    const query = { model: this.model, prompt, granularity, views, samBorders: true };
-    const { signal } = this.keeping;
-    this.state.patch({ busy: true, failure: undefined });
-    try {
-      const { masks } = await segmentViews(query, signal);
-      if (!signal.aborted) this.keep(masks);
-    } catch (error) {
-      this.report(error, signal);
-    }
-    // Whatever ended it has set `busy` for itself.
-    if (!signal.aborted) this.state.patch({ busy: false });
+  /** Lets SAM place the border of the shown mask. */
+  placeBorder(): Promise<void> {
+    return this.kept.placeBorder();
   }
 
   undo(): void {
@@ -174,6 +170,7 @@ export class SceneSession {
   }
 
   end(): void {
+    this.hover.leave();
     this.endRequests();
     this.socket.close();
   }
@@ -203,40 +200,14 @@ export class SceneSession {
 
   private endRequests(): void {
     this.others.stop();
-    this.keeping.abort();
-    this.keeping = new AbortController();
-  }
-
-  /** Takes the answer in the prompt's view as one of the sizes. */
-  private takeSize(mask: Mask | undefined): void {
-    const { granularity, answer } = this.state.get();
-    if (!mask || !answer) return;
-    const { scale, threshold } = answer;
-    this.found = { ...this.found, answered: { granularity, scale, threshold, mask } };
-    this.putLadder();
+    this.kept.stop();
   }
 
   private takeMasks(masks: Answer['masks'], bySam: boolean): void {
     const { prompt } = this.state.get();
     if (!bySam) return this.merge(masks);
     this.keep(masks);
-    if (prompt) this.takeSize(masks.get(ownViewOf(prompt)));
-  }
-
-  private putLadder(): void {
-    const { proposals, answered } = this.found;
-    if (proposals) this.state.patch({ ladder: ladderOf(proposals, answered) });
-  }
-
-  /** Gets the mask that a person accepted for a label: in its own view it is the answer. */
-  private async keepAccepted(label: string): Promise<void> {
-    const { signal } = this.keeping;
-    try {
-      const mask = await acceptedMask(label, signal);
-      if (mask && !signal.aborted) this.keep(new Map([[mask.view, mask]]));
-    } catch (error) {
-      this.report(error, signal);
-    }
+    if (prompt) this.sizes.takeAnswer(masks.get(ownViewOf(prompt)));
   }
 
   /** Adds current masks to the answer, if there is one. */
@@ -256,40 +227,59 @@ export class SceneSession {
   private forgetAnswers(): void {
     this.outdate();
     this.found = nothingFound;
-    this.climbing = false;
+    this.sizes.rest();
     this.before = undefined;
     this.state.patch(nothingAnswered);
   }
 
-  /** Asks for what a prompt means. `chosen`: its scale and threshold, if it begins. */
-  pose(prompt: Prompt, chosen: Granularity = {}): void {
+  /** Returns the size with which a prompt is asked: one that was chosen stays while marks are added. */
+  private sizeFor(prompt: Prompt, chosen: Granularity): Granularity {
+    const { prompt: asked, granularity } = this.state.get();
+    return isExtended(asked, prompt) ? granularity : chosen;
+  }
+
+  /** Returns what a click would ask; undefined if it would be refused. */
+  private intentOf(place: Place, point: Point): Intent | undefined {
+    const prompt = withPoint(this.state.get().prompt, place, point);
+    return isRefusal(prompt) ? undefined : { prompt, granularity: this.sizeFor(prompt, {}) };
+  }
+
+  /**
+   * Asks for what a prompt means. `chosen`: its scale and threshold, if it begins. `preview`: the answer
+   * to it, if that is there.
+   */
+  pose(prompt: Prompt, chosen: Granularity = {}, preview?: Preview): void {
     this.remember();
-    const { prompt: asked, granularity, answer, ladder } = this.state.get();
+    const { prompt: asked, answer, ladder } = this.state.get();
+    const granularity = preview?.granularity ?? this.sizeFor(prompt, chosen);
     const earlier = { state: beforeOf(this.state.get()), found: this.found };
     // If two prompts in a row get no answer, the state before both is the earlier one.
     const before = !asked || (answer && !this.before) ? earlier : this.before;
     this.forgetAnswers();
     this.before = before;
     const same = isExtended(asked, prompt);
+    const exact = exactMask(prompt);
     this.state.patch({
       prompt,
-      granularity: same ? granularity : chosen,
+      granularity,
       // The mask so far is shown until the next one comes.
-      answer: same ? answer : undefined,
+      answer: same ? answer : exact && answerWith(exact, isEdited(prompt) ? answer : undefined),
       ladder: same ? { ...ladder, isCurrent: false } : noLadder,
     });
-    this.send();
+    this.send(true, preview?.response);
   }
 
-  private send(andOtherViews = true): void {
+  /** Asks for the prompt's view and the shown one. `answered`: what the stream would answer. */
+  private send(andOtherViews = true, answered?: SegmentViewsResponse): void {
     const { prompt, granularity } = this.state.get();
     if (!prompt) return;
     this.endRequests();
     this.found = { ...this.found, kept: new Map() };
     this.state.patch({ current: new Set() });
     const named = [...new Set([ownViewOf(prompt), this.shownView])].filter(Boolean);
-    this.ask(isIn3d(prompt) ? undefined : named);
-    if (prompt.kind === 'label' && isOpen(granularity)) void this.keepAccepted(prompt.label);
+    if (answered) this.accept(answered, true);
+    else this.ask(isIn3d(prompt) ? undefined : named);
+    if (isOpen(granularity)) void this.kept.keepAccepted(prompt);
     if (andOtherViews) this.others.ask();
   }
 
@@ -298,24 +288,27 @@ export class SceneSession {
     const { prompt, granularity, current } = this.state.get();
     if (!prompt) return;
     const left = views === undefined ? [] : [...current].filter((view) => !views.includes(view));
+    this.hover.reset();
     this.state.patch({ busy: true, looking: false, current: new Set(left) });
     this.newestSequence = this.socket.ask(segmentRequest(this.model, prompt, granularity, views));
   }
 
   private take(sequence: bigint, response: SegmentViewsResponse): void {
-    if (sequence < this.firstSequence) return;
+    if (sequence >= this.firstSequence) this.accept(response, sequence === this.newestSequence);
+  }
+
+  private accept(response: SegmentViewsResponse, isNewest: boolean): void {
     this.before = undefined;
     const answer = answerOf(response);
     const { answer: before, numAnswers, prompt, granularity, current } = this.state.get();
     const own = prompt && answer.masks.get(ownViewOf(prompt));
-    if (own && prompt && this.snapped.has(granularity) && !agreesWith(own.rle, prompt)) {
+    if (prompt && this.sizes.isMisfit(prompt, granularity, own)) {
       // The size that was chosen does not fit the newest mark: the server chooses again.
       this.state.patch({ granularity: {} });
       return this.send();
     }
     // Masks of other views follow when the slider stops.
     const masks = new Map([...(before?.masks ?? []), ...answer.masks, ...this.found.kept]);
-    const isNewest = sequence === this.newestSequence;
     // Until SAM has answered, the model's masks are not the last word.
     const final = isForSam(this.state.get()) ? [] : answer.masks.keys();
     this.state.patch({
@@ -325,7 +318,7 @@ export class SceneSession {
       numAnswers: numAnswers + 1,
       failure: undefined,
     });
-    this.takeSize(own);
+    this.sizes.takeAnswer(own);
   }
 
   private refused(sequence: bigint, error: unknown): void {

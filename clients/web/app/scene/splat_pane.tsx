@@ -2,17 +2,18 @@
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
-import { plyUrl } from '../api/clients';
 import { Icon } from '../components/icons';
 import { MissNote } from '../components/miss_note';
 import { paintMask } from '../mask/paint';
-import type { SplatPart, SplatViewer } from '../viewer/splat_viewer';
+import type { SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Miss } from './miss';
-import type { Tool } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
 import type { Showing } from './selections';
 import { useShortcuts } from './shortcuts';
+import type { TintedThings } from './splat_parts';
+import { splatParts } from './splat_parts';
+import type { Tool } from './use_drawing';
 
 interface Props {
   model: string;
@@ -26,6 +27,8 @@ interface Props {
   tool: Tool;
   selection: string | undefined;
   showing: Showing;
+  /** Named things in their colours, while no selection is shown. */
+  things: TintedThings | undefined;
   onPoint: (camera: FreeCamera, point: Point) => void;
   /** Takes back the prompt of the last click, which was the first one of a double click. */
   onTakeBack: () => void;
@@ -35,18 +38,6 @@ interface Props {
 const doubleTime = 350;
 /** Maximum distance between the clicks of a double click, pixels of the screen. */
 const doubleSlack = 6;
-
-export function partsOf(
-  model: string,
-  selection: string | undefined,
-  showing: Showing,
-): SplatPart[] {
-  if (!selection || showing === 'all') return [{ url: plyUrl(model), tinted: false }];
-  const chosen = { url: plyUrl(model, { selection }), tinted: showing === 'tinted' };
-  const rest = { url: plyUrl(model, { selection, complement: true }), tinted: false };
-  if (showing === 'isolated') return [chosen];
-  return showing === 'hidden' ? [rest] : [rest, chosen];
-}
 
 const turns: Record<string, readonly [number, number, number]> = {
   ArrowLeft: [-0.1, 0, 1],
@@ -59,7 +50,7 @@ const turns: Record<string, readonly [number, number, number]> = {
 
 type Status = 'loading' | 'ready' | { error: string };
 
-function useViewer({ model, views, view, selection, showing }: Props, onMoved: () => void) {
+function useViewer({ model, views, view, selection, showing, things }: Props, onMoved: () => void) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const viewer = useRef<SplatViewer | undefined>(undefined);
   const [status, setStatus] = useState<Status>('loading');
@@ -95,7 +86,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
     // An earlier request may still end, and after this one.
     let outdated = false;
     setStatus('loading');
-    viewer.current.load(partsOf(model, selection, showing)).then(
+    viewer.current.load(splatParts(model, selection, showing, things)).then(
       () => {
         if (outdated) return;
         setStatus('ready');
@@ -108,7 +99,7 @@ function useViewer({ model, views, view, selection, showing }: Props, onMoved: (
     return () => {
       outdated = true;
     };
-  }, [made, model, selection, showing]);
+  }, [made, model, selection, showing, things]);
   useEffect(() => viewer.current?.goTo(view), [made, view]);
   return { canvas, viewer, status, shown };
 }
@@ -181,6 +172,7 @@ export function SplatPane(props: Props): JSX.Element {
       class="splats"
       data-status={typeof status === 'string' ? status : 'error'}
       data-shown={shown}
+      data-things={status === 'ready' ? (props.things?.parts.length ?? 0) : undefined}
     >
       <canvas
         ref={canvas}

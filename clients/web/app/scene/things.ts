@@ -2,7 +2,7 @@
 import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
 import { lastId } from '../api/clients';
 import type { ViewMasks } from '../mask/coco';
-import { acceptedMask } from './accepted_mask';
+import { acceptedFor } from './accepted_mask';
 import type { Mask } from './answer';
 import { labelName } from './labels';
 import type { Granularity, Prompt } from './prompt';
@@ -54,7 +54,7 @@ interface Making {
 
 async function begun(thing: Thing, signal: AbortSignal): Promise<Making> {
   const { prompt, granularity } = thing;
-  const accepted = prompt.kind === 'label' ? await acceptedMask(prompt.label, signal) : undefined;
+  const accepted = await acceptedFor(prompt, signal);
   return { thing, accepted, masks: new Map(), granularity };
 }
 

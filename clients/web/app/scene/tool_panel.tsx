@@ -6,17 +6,24 @@ import { useStore } from '../store';
 import type { Brush } from './brush';
 import { describeAnswer } from './describe_answer';
 import { DownloadTools } from './download_tools';
+import type { SceneEverything } from './everything';
+import { EverythingTools } from './everything_tools';
 import { FindTools } from './find_tools';
 import type { SceneFinder } from './finder';
+import { HoverSwitch } from './hover_mask';
 import { LabelTools } from './label_tools';
 import type { SceneLabels } from './labels';
-import type { Tool } from './photo_view';
+import { PieceTools } from './mask_tools';
 import { sizeOf } from './prompt';
+import type { SegmentNames } from './segment_names';
 import { GranularityTools, PromptButtons, PromptTools } from './segment_tools';
 import { SelectionTools } from './selection_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import type { ThingMasks } from './thing_masks';
+import type { ThingsIn3d } from './things_in_3d';
 import { HelpButton, ToolRail } from './tool_rail';
+import type { Tool } from './use_drawing';
 
 interface Props {
   sceneId: string;
@@ -24,6 +31,10 @@ interface Props {
   selections: SceneSelections;
   labels: SceneLabels;
   finder: SceneFinder;
+  everything: SceneEverything;
+  segmentNames: SegmentNames;
+  things: ThingMasks;
+  thingsIn3d: ThingsIn3d;
   views: readonly View[];
   /** The shown view. */
   view: View;
@@ -31,6 +42,9 @@ interface Props {
   onTool: (tool: Tool) => void;
   brush: Brush;
   onBrush: (brush: Brush) => void;
+  onEverything: (isOn: boolean) => void;
+  /** Makes a segment of the shown view the current one, by its id. */
+  onPick: (id: number) => void;
   /** Whether the server has SAM. */
   hasSam: boolean;
   isOpen: boolean;
@@ -38,7 +52,10 @@ interface Props {
   onHelp: () => void;
 }
 
-type SegmentProps = Omit<Props, 'sceneId' | 'selections' | 'labels' | 'finder' | 'isOpen'>;
+type SegmentProps = Pick<
+  Props,
+  'session' | 'view' | 'tool' | 'onTool' | 'brush' | 'onBrush' | 'hasSam' | 'onHelp'
+>;
 
 function SegmentSection(props: SegmentProps): JSX.Element {
   const { session, view, hasSam, onHelp } = props;
@@ -60,20 +77,23 @@ function SegmentSection(props: SegmentProps): JSX.Element {
       </p>
       <FailureNote failure={failure} close={() => session.closeFailure()} />
       <GranularityTools session={session} hasSam={hasSam} />
+      <PieceTools session={session} view={view.view} />
+      <HoverSwitch session={session} />
     </section>
   );
 }
 
 /** Folded it is a rail of buttons; the sections stay, with their texts and running downloads. */
 export function ToolPanel(props: Props): JSX.Element {
-  const { isOpen, session, selections, labels, view } = props;
+  const { isOpen, session, selections, view } = props;
   return (
     <aside id="tools" class="tools" aria-label="Tools">
       {!isOpen && <ToolRail {...props} />}
       <div class="sections" hidden={!isOpen}>
         <SegmentSection {...props} />
+        <EverythingTools {...props} onTurn={props.onEverything} />
         <FindTools {...props} />
-        <LabelTools session={session} labels={labels} shownView={view.view} />
+        <LabelTools {...props} shownView={view.view} />
         <SelectionTools session={session} selections={selections} />
         <DownloadTools {...props} />
       </div>

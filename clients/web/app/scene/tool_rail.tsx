@@ -4,24 +4,30 @@ import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import { useStore } from '../store';
 import { describeAnswer } from './describe_answer';
+import type { SceneEverything } from './everything';
 import type { SceneFinder } from './finder';
 import { describeFound } from './found_things';
-import type { Tool } from './photo_view';
 import { PromptButtons, promptTools } from './segment_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import type { ThingsIn3d } from './things_in_3d';
+import type { Tool } from './use_drawing';
 
 interface RailProps {
   session: SceneSession;
+  everything: SceneEverything;
+  onEverything: (isOn: boolean) => void;
   tool: Tool;
   onTool: (tool: Tool) => void;
   onHelp: () => void;
 }
 
-export function ToolRail({ session, tool, onTool, onHelp }: RailProps): JSX.Element {
+export function ToolRail(props: RailProps): JSX.Element {
+  const { session, everything, onEverything, tool, onTool, onHelp } = props;
+  const { isOn } = useStore(everything.state);
   return (
     <div class="rail">
-      <div class="rail-tools" role="group" aria-label="What a click does">
+      <div class="rail-tools" role="group" aria-label="What the pointer does">
         {promptTools.map(({ tool: other, name, icon, key }) => (
           <button
             key={other}
@@ -36,6 +42,16 @@ export function ToolRail({ session, tool, onTool, onHelp }: RailProps): JSX.Elem
           </button>
         ))}
       </div>
+      <button
+        type="button"
+        class="bare"
+        aria-label="Everything"
+        title="Everything: all segments of the view (G)"
+        aria-pressed={isOn}
+        onClick={() => onEverything(!isOn)}
+      >
+        <Icon name="segments" />
+      </button>
       <PromptButtons session={session} />
       <HelpButton onHelp={onHelp} />
     </div>
@@ -56,23 +72,36 @@ export function HelpButton({ onHelp }: { onHelp: () => void }): JSX.Element {
   );
 }
 
+const waitTexts = {
+  nothing: '',
+  decomposition: 'Splitting the scene …',
+  picture: 'Drawing the segments …',
+} as const;
+
 interface StatusProps {
   session: SceneSession;
   finder: SceneFinder;
   selections: SceneSelections;
+  everything: SceneEverything;
+  thingsIn3d: ThingsIn3d;
   /** Name of the shown view. */
   shown: string;
 }
 
 /** States and failures of all sections, over the panes while the panel is folded. */
-export function FoldedStatus({ session, finder, selections, shown }: StatusProps): JSX.Element {
+export function FoldedStatus(props: StatusProps): JSX.Element {
+  const { session, finder, selections, everything, thingsIn3d, shown } = props;
   const state = useStore(session.state);
   const finding = useStore(finder.state);
   const selecting = useStore(selections.state);
+  const colouring = useStore(thingsIn3d.state);
+  const splitting = useStore(everything.state);
   const texts = [
     state.prompt && describeAnswer(state, shown, session.views),
     finding.busy && 'Looking through the scene …',
     !finding.busy && finding.found && describeFound(finding.found, finding.word),
+    waitTexts[splitting.waits],
+    colouring.busy && 'Selecting the things …',
     selecting.busy && 'Selecting: looking at the views …',
   ].filter(Boolean);
   return (
@@ -80,6 +109,7 @@ export function FoldedStatus({ session, finder, selections, shown }: StatusProps
       <FailureNote failure={state.failure} close={() => session.closeFailure()} />
       <FailureNote failure={finding.failure} close={() => finder.clear()} />
       <FailureNote failure={selecting.failure} close={() => selections.closeFailure()} />
+      <FailureNote failure={splitting.failure} close={() => everything.closeFailure()} />
       <p role="status" class={texts.length > 0 ? 'pane-note' : ''}>
         {texts.join(' ')}
       </p>

@@ -1,78 +1,32 @@
 // The screen for segmenting a scene: photograph and 3D, the strip of views and the side panel.
 import type { JSX } from 'preact';
-import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
+import { useEffect, useRef, useState } from 'preact/hooks';
 import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
-import { steadily } from '../api/server_link';
 import { useAsked } from '../api/use_asked';
 import { useStore } from '../store';
 import { useNarrow } from '../use_narrow';
 import { firstBrush, withWidth } from './brush';
 import { Filmstrip, thumbnailSide } from './filmstrip';
 import { findAlike } from './find_tools';
-import { SceneFinder } from './finder';
-import { colorOf } from './found_things';
-import { SceneLabels, labelColor } from './labels';
+import { labelColor } from './labels';
 import type { Layout } from './layout';
 import { panesOn } from './layout';
-import type { FoundMask, Source, Tool } from './photo_view';
+import { drawWith } from './mask_tools';
+import type { Source } from './photo_view';
 import { PhotoView } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
 import { placeOf, samePlace, sizeOf } from './prompt';
+import { useSegmentNames } from './segment_names';
 import { selectWith } from './selection_tools';
-import { SceneSelections } from './selections';
 import { serverHasSam } from './server_sam';
-import { SceneSession } from './session';
 import { ShortcutList, useShortcuts } from './shortcuts';
 import { SplatPane } from './splat_pane';
 import { ToolPanel } from './tool_panel';
 import { FoldedStatus } from './tool_rail';
-
-function useModel(scene: Scene, views: readonly View[]) {
-  const model = scene.liveModel;
-  const parts = useMemo(
-    () => ({
-      session: new SceneSession(
-        model,
-        views.map(({ view }) => view),
-      ),
-      selections: new SceneSelections(model),
-      labels: new SceneLabels(scene.name),
-      finder: new SceneFinder(model),
-    }),
-    [model, views],
-  );
-  useEffect(() => {
-    const controller = new AbortController();
-    const { signal } = controller;
-    // Everything else works without labels; a fault of the server shows at the next request.
-    steadily(() => parts.labels.load(signal), signal).catch(() => undefined);
-    return () => {
-      controller.abort();
-      parts.session.end();
-      parts.finder.clear();
-    };
-  }, [parts]);
-  return parts;
-}
-
-/** Returns what to draw of what was found: nothing while a segment is shown. */
-function useFound(finder: SceneFinder, isShown: boolean) {
-  const { found, masks } = useStore(finder.state);
-  return useMemo(() => {
-    const things = isShown ? (found?.things ?? []) : [];
-    return {
-      masks: things.flatMap((_, i): FoundMask[] => {
-        const mask = masks.get(i);
-        if (!mask || mask.area === 0) return [];
-        return [{ number: i + 1, rle: mask.rle, color: colorOf(i) }];
-      }),
-      boxes: things.flatMap(({ appearances }, i) =>
-        appearances.map((appearance) => ({ ...appearance, color: colorOf(i) })),
-      ),
-    };
-  }, [found, masks, isShown]);
-}
+import type { Tool } from './use_drawing';
+import { isWide } from './use_drawing';
+import { useFound, useModel, useThings, useTintedThings } from './use_model';
 
 interface Props {
   scene: Scene;
@@ -88,7 +42,8 @@ function useOnce(holds: boolean): boolean {
 }
 
 export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
-  const { session, selections, labels, finder } = useModel(scene, views);
+  const model = useModel(scene, views);
+  const { session, selections, labels, finder, everything, things, thingsIn3d } = model;
   const [view, setView] = useState(views[0]);
   const [tool, setTool] = useState<Tool>('include');
   const [brush, setBrush] = useState(firstBrush);
@@ -117,9 +72,14 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
   useEffect(() => {
     session.show(shown);
     finder.show(shown);
-  }, [session, finder, shown]);
+    things.show(shown);
+    if (view) everything.show(shown, sizeOf(view));
+  }, [model, shown]);
   const found = useFound(finder, prompt === undefined);
   const named = useStore(labels.list);
+  const shownThings = useThings(things, labels, prompt);
+  const segmentNames = useSegmentNames(everything, things, labels);
+  const tintedThings = useTintedThings(things, thingsIn3d, labels);
   const color = prompt && labelColor(named, prompt);
 
   const step = (by: number) => {
@@ -149,10 +109,28 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     // A click that hit nothing took itself back.
     if (now && now === promptIn3d.current) session.undo();
   };
+  const otherSide = () => {
+    if (tool === 'brush') setBrush({ ...brush, negative: !brush.negative });
+    else if (tool === 'paint' || tool === 'erase') setTool(tool === 'paint' ? 'erase' : 'paint');
+  };
+  const showEverything = (isOn: boolean) => {
+    session.hover.leave();
+    if (isOn) setTool('include');
+    everything.turn(isOn);
+  };
+  /** Makes a segment the current one, to be named. */
+  const pick = (picked: Prompt | undefined) => {
+    if (!picked) return;
+    session.pose(picked);
+    if (!narrow) focusField('label-text');
+  };
   useShortcuts({
     '?': () => setHelp(true),
     'Ctrl+z': () => session.undo(),
-    Escape: () => session.clear(),
+    Escape: () => {
+      if (!session.state.get().prompt) everything.turn(false);
+      session.clear();
+    },
     '1': () => layout.show('photo'),
     '2': () => layout.show('both'),
     '3': () => layout.show('3d'),
@@ -161,13 +139,19 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     ']': () => step(1),
     ',': () => sizeStep(-1),
     '.': () => sizeStep(1),
+    g: () => showEverything(!everything.state.get().isOn),
+    n: () => things.turn(!things.state.get().isOn),
     i: () => setTool('include'),
     e: () => setTool('exclude'),
     r: () => setTool('box'),
     d: () => setTool('brush'),
-    x: () => tool === 'brush' && setBrush({ ...brush, negative: !brush.negative }),
-    '>': () => tool === 'brush' && setBrush(withWidth(brush, brush.width + 2)),
-    '<': () => tool === 'brush' && setBrush(withWidth(brush, brush.width - 2)),
+    f: () => setTool('lasso'),
+    j: () => setTool('paint'),
+    k: () => setTool('erase'),
+    x: otherSide,
+    '>': () => isWide(tool) && setBrush(withWidth(brush, brush.width + 2)),
+    '<': () => isWide(tool) && setBrush(withWidth(brush, brush.width - 2)),
+    u: () => session.hover.turn(!session.hover.state.get().isOn),
     v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
     a: () => hasSam.value === true && findAlike(session, finder),
     '/': () => focusField('find-text'),
@@ -199,14 +183,22 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
               mask={answer?.masks.get(shown)}
               color={color}
               found={found.masks}
+              things={shownThings}
               prompt={here}
               miss={samePlace(miss?.place, place) ? miss : undefined}
               tool={tool}
               brush={brush}
+              hover={session.hover}
+              everything={everything}
+              segmentNames={segmentNames}
               numAnswers={numAnswers}
-              onPoint={(point) => session.addPoint(place, point)}
+              onPoint={(point) =>
+                everything.state.get().isOn
+                  ? pick(everything.promptAt(point.x, point.y))
+                  : session.addPoint(place, point)
+              }
               onBox={(box) => session.pose({ kind: 'box', place, box })}
-              onStroke={(stroke) => session.addStroke(place, stroke)}
+              onStroke={(stroke) => drawWith(tool, session, shown, sizeOf(view), stroke)}
             />
           </div>
           <div class="pane" hidden={panes === 'photo'}>
@@ -221,13 +213,14 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
                 tool={tool}
                 selection={selection?.name}
                 showing={showing}
+                things={tintedThings}
                 onPoint={addPointIn3d}
                 onTakeBack={takeBackIn3d}
               />
             )}
           </div>
         </div>
-        {!isPanelOpen && <FoldedStatus {...{ session, finder, selections, shown }} />}
+        {!isPanelOpen && <FoldedStatus {...model} shown={shown} />}
       </div>
       <Filmstrip
         views={views}
@@ -241,9 +234,12 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
       />
       <ToolPanel
         sceneId={sceneIdOf(scene.name)}
-        {...{ session, selections, labels, finder, views, view, tool, brush }}
+        {...model}
+        {...{ views, view, tool, brush, segmentNames }}
         onTool={setTool}
         onBrush={setBrush}
+        onEverything={showEverything}
+        onPick={(id) => pick(everything.promptOf(id))}
         hasSam={hasSam.value === true}
         isOpen={isPanelOpen}
         photoOf={thumbnailOf}

@@ -19,7 +19,8 @@ import { keepWithin, reachOf, sphereOf } from './reach';
 
 export interface SplatPart {
   readonly url: string;
-  readonly tinted: boolean;
+  /** Factors of red, green and blue; absent: the model's colours. */
+  readonly tint?: readonly [number, number, number] | undefined;
 }
 
 /** Maximum height of the pictures that are segmented, pixels; smaller screens use their own. */
@@ -28,7 +29,6 @@ const maxPictureHeight = 720;
 const maxSampled = 20_000;
 /** What is seen of the whole scene: about 50 degrees. */
 const homeLens: Lens = { across: 0.47, up: 0.47 };
-const tint = new Color(0.25, 1.35, 1.2);
 
 /** Returns the centres of some Gaussians, evenly spread over their order. */
 function sampledCenters(meshes: readonly SplatMesh[]): Vector3[] {
@@ -98,11 +98,11 @@ export class SplatViewer {
     this.loading = new AbortController();
     const { signal } = this.loading;
     const meshes = await Promise.all(
-      parts.map(async ({ url, tinted }) => {
+      parts.map(async ({ url, tint }) => {
         const fileBytes = await fetchPly(url, signal);
         const mesh = new SplatMesh({ fileBytes, fileType: SplatFileType.PLY });
         await mesh.initialized;
-        if (tinted) mesh.recolor = tint;
+        if (tint) mesh.recolor = new Color(...tint);
         return mesh;
       }),
     );

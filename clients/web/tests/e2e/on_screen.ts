@@ -81,7 +81,7 @@ export async function truthOf(page: Page, view: string, value: number): Promise<
 export function overlayIou(page: Page, { labels, value }: Truth): Promise<number> {
   return page.evaluate(
     async ([url, grey]) => {
-      const overlay = document.querySelector('.picture canvas.overlay') as HTMLCanvasElement;
+      const overlay = document.querySelector('.picture canvas.mask') as HTMLCanvasElement;
       const { width, height } = overlay;
       const drawn = overlay.getContext('2d')?.getImageData(0, 0, width, height).data;
       const image = new Image();

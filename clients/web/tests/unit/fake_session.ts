@@ -1,5 +1,6 @@
 // A session without a network: the stream's answers are given by hand, and calls are functions of a test.
 import type { SegmentViewsRequest } from '../../gen/pepeseg/v1/segmentation_service_pb';
+import type { SegmentSocket } from '../../app/api/segment_socket';
 import type { SceneSession } from '../../app/scene/session';
 
 export const model = 'scenes/shelf/models/1';
@@ -29,6 +30,14 @@ export interface FakeSession {
   readonly refuse: (error: unknown) => void;
   /** The requests of the stream. */
   readonly asked: readonly SegmentViewsRequest[];
+  /** Those of them that are previews of a click. */
+  readonly previews: readonly AskedPreview[];
+}
+
+export interface AskedPreview {
+  readonly request: SegmentViewsRequest;
+  readonly answer: (masks: readonly object[]) => void;
+  readonly refuse: () => void;
 }
 
 /** Scale and threshold of an answer. */
@@ -37,22 +46,36 @@ interface Used {
   readonly threshold: number;
 }
 
+type Ask = SegmentSocket['ask'];
+
 /** The session listens to the page's network: a test sets `window` before. */
 export async function fakeSession(): Promise<FakeSession> {
   const { SceneSession } = await import('../../app/scene/session');
   const session = new SceneSession(model, views);
   const asked: SegmentViewsRequest[] = [];
   const inside = session as unknown as {
-    socket: { ask: (request: SegmentViewsRequest) => bigint; close: () => void };
+    socket: { ask: Ask; close: () => void };
     take: (sequence: bigint, response: object) => void;
     refused: (sequence: bigint, error: unknown) => void;
   };
-  inside.socket = { ask: (request) => BigInt(asked.push(request)), close: () => undefined };
+  const previews: AskedPreview[] = [];
+  const ask: Ask = (request, taker) => {
+    const sequence = BigInt(asked.push(request));
+    if (!taker) return sequence;
+    previews.push({
+      request,
+      answer: (masks) => taker.answered(sequence, { ...answerIn(), masks } as never),
+      refuse: () => taker.refused(sequence, undefined),
+    });
+    return sequence;
+  };
+  inside.socket = { ask, close: () => undefined };
   session.show('a.jpg');
   const newest = () => BigInt(asked.length);
   return {
     session,
     asked,
+    previews,
     answer: (...named) => inside.take(newest(), answerIn(...named)),
     answerWith: (masks, used) => inside.take(newest(), { ...answerIn(), masks, ...used }),
     refuse: (error) => inside.refused(newest(), error),

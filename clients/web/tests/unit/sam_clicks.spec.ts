@@ -169,3 +169,19 @@ test('a click in 3D is answered in its picture first', async () => {
   expect(session.state.get().answer?.masks.get('')?.area).toBe(500);
   session.end();
 });
+
+test('a click that takes its preview is refined by SAM as another one', async () => {
+  const { session, previews, asked: streamed } = await fakeSession();
+  const area = () => session.state.get().answer?.masks.get('b.jpg')?.area;
+  session.setSamClicks('on');
+  session.show('b.jpg');
+  session.hover.move('b.jpg', click, 0);
+  previews[0]?.answer([inView('b.jpg', 20)]);
+  session.addPoint(place, click);
+  expect([area(), streamed.length]).toEqual([200, 1]);
+  expect(session.state.get().current.size).toBe(0); // SAM has the last word
+  await expect.poll(() => session.state.get().looking).toBe(false);
+  expect(area()).toBe(500);
+  expect(asked[0]).toMatchObject({ samClicks: true, targets: { views: ['b.jpg'] } });
+  session.end();
+});
