@@ -121,7 +121,6 @@ TEST_F(JobSnapshotsTest, AnswerByAnEarlyModelUntilStageTwoHasOne) {
   std::iota(rows.begin(), rows.end(), 0);
   model.gaussians = model.gaussians.Select(rows);
   model.field.features.resize(rows.size() * kFeatureDim);
-  model.field.confidence.resize(rows.size());
   WriteGaussians();
   Write(At(10));
   ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
