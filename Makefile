@@ -5,7 +5,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help packages demo-configuration build sam detector sam-test demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
-  image-test deploy-check web web-app web-test
+  image-test deploy-check web web-app web-test deb deb-test
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
@@ -46,6 +46,8 @@ help:
 	@echo 'make deploy-check   check the manifests in deploy/ against published schemas (needs npm)'
 	@echo 'make web       the web app, on http://127.0.0.1:8080, and a server if none runs on'
 	@echo '               127.0.0.1:50051 (PEPESEG_SERVER)      make web-test   tests it in Chromium'
+	@echo 'make deb       Debian packages of server, client and web app, in $(BUILD)-deb/packages'
+	@echo '               make deb-test   tests them in a bare Debian 12, as root'
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
@@ -221,3 +223,21 @@ web-test: web-app $(BUILD)/CMakeCache.txt
 	@deploy/packages.sh deploy/packages/web-test.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker
 	cd $(WEB) && PEPESEG_BUILD=$(BUILD) PEPESEG_WEB_OUT=$(BUILD)/web-test npx playwright test
+
+# Packages for apt. They compute on the CPU; with CUDA:
+#   make deb CMAKE_ARGS='-DPEPESEG_CUDA_ARCHITECTURES=80-real;86-real;89-real;90'
+# Paths of this folder do not get into the programs.
+DEB = $(BUILD)-deb
+deb: web-app
+	@deploy/packages.sh deploy/packages/build.txt deploy/packages/deb.txt
+	cmake -S . -B $(DEB) $(GENERATOR) -DPEPESEG_UNITY=$(UNITY) -DBUILD_TESTING=OFF \
+	  -DPEPESEG_CUDA_ARCHITECTURES=OFF -DCMAKE_CXX_FLAGS=-ffile-prefix-map=$(CURDIR)=. \
+	  -DCMAKE_EXE_LINKER_FLAGS=-Wl,-z,now -DCMAKE_MODULE_LINKER_FLAGS=-Wl,-z,now $(CMAKE_ARGS)
+	cmake --build $(DEB) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg documents
+	deploy/deb.sh $(DEB)
+	lintian --fail-on error $(DEB)/packages/*.changes
+
+# Run as root. The packages that the test installs come from the mirrors of this machine's apt.
+deb-test: deb
+	@deploy/packages.sh deploy/packages/deb-test.txt
+	timeout --kill-after=60 3600 tests/system/deploy/deb_test.sh $(DEB)/packages
