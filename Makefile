@@ -5,7 +5,8 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help packages demo-configuration build sam detector sam-test demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
-  image-test deploy-check web web-app web-test deb deb-test
+  image-test deploy-check web web-app web-test deb deb-test \
+  wheel npm-package client-packages-test
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
@@ -48,6 +49,8 @@ help:
 	@echo '               127.0.0.1:50051 (PEPESEG_SERVER)      make web-test   tests it in Chromium'
 	@echo 'make deb       Debian packages of server, client and web app, in $(BUILD)-deb/packages'
 	@echo '               make deb-test   tests them in a bare Debian 12, as root'
+	@echo 'make wheel     the Python client, in $(BUILD)/wheel      make npm-package   the web app, in $(BUILD)/npm'
+	@echo '               make client-packages-test   installs both in new folders and calls a server'
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
@@ -241,3 +244,15 @@ deb: web-app
 deb-test: deb
 	@deploy/packages.sh deploy/packages/deb-test.txt
 	timeout --kill-after=60 3600 tests/system/deploy/deb_test.sh $(DEB)/packages
+
+wheel: | packages
+	deploy/wheel.sh $(BUILD)/wheel
+
+npm-package: web-app
+	deploy/npm_package.sh $(BUILD)/npm
+
+client-packages-test: $(BUILD)/CMakeCache.txt wheel npm-package
+	@deploy/packages.sh deploy/packages/build.txt deploy/packages/wheel-test.txt
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	tests/system/deploy/client_packages_test.sh $(BUILD)/bin $(BUILD)/wheel/pepeseg-*.whl \
+	  $(BUILD)/npm/pepeseg-web-*.tgz
