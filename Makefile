@@ -6,7 +6,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 .PHONY: help packages demo-configuration build sam detector sam-test demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
   image-test deploy-check web web-app web-test deb deb-test \
-  wheel npm-package client-packages-test
+  wheel npm-package client-packages-test compose-test
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
@@ -44,6 +44,7 @@ help:
 	@echo 'make asan      the tests under ASan and UBSan     make tsan     under TSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tests it'
+	@echo 'make compose-test   runs deploy/compose.yaml by docker-compose on Podman, as root'
 	@echo 'make deploy-check   check the manifests in deploy/ against published schemas (needs npm)'
 	@echo 'make web       the web app, on http://127.0.0.1:8080, and a server if none runs on'
 	@echo '               127.0.0.1:50051 (PEPESEG_SERVER)      make web-test   tests it in Chromium'
@@ -179,6 +180,8 @@ fuzz:
 	cmake --build $(BUILD)-fuzz -j $(JOBS) --target fuzz_targets
 	tests/system/fuzz/run.sh $(BUILD)-fuzz $(FUZZ_SECONDS)
 
+DEB = $(BUILD)-deb
+
 # Run as root. Needs no container engine and only Debian's packages.
 image:
 	@deploy/packages.sh deploy/packages/image.txt
@@ -187,6 +190,11 @@ image:
 image-test:
 	@deploy/packages.sh deploy/packages/image.txt
 	timeout --kill-after=60 7200 deploy/image/test.sh $(BUILD)/image
+
+# Run as root. Takes the image of `make image` if it is there, else makes one of the packages of `make deb`.
+compose-test: deb
+	@deploy/packages.sh deploy/packages/image.txt deploy/packages/compose-test.txt
+	timeout --kill-after=60 3600 tests/system/deploy/compose_test.sh $(BUILD)/image $(DEB)/packages $(DEB)/bin
 
 # Needs npm's registry, for the schemas.
 deploy-check:
@@ -229,14 +237,13 @@ web-test: web-app $(BUILD)/CMakeCache.txt
 
 # Packages for apt. They compute on the CPU; with CUDA:
 #   make deb CMAKE_ARGS='-DPEPESEG_CUDA_ARCHITECTURES=80-real;86-real;89-real;90'
-# Paths of this folder do not get into the programs.
-DEB = $(BUILD)-deb
+# Paths of this folder do not get into the programs; ccache's base_dir would keep the compiler from it.
 deb: web-app
 	@deploy/packages.sh deploy/packages/build.txt deploy/packages/deb.txt
 	cmake -S . -B $(DEB) $(GENERATOR) -DPEPESEG_UNITY=$(UNITY) -DBUILD_TESTING=OFF \
 	  -DPEPESEG_CUDA_ARCHITECTURES=OFF -DCMAKE_CXX_FLAGS=-ffile-prefix-map=$(CURDIR)=. \
 	  -DCMAKE_EXE_LINKER_FLAGS=-Wl,-z,now -DCMAKE_MODULE_LINKER_FLAGS=-Wl,-z,now $(CMAKE_ARGS)
-	cmake --build $(DEB) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg documents
+	CCACHE_BASEDIR= cmake --build $(DEB) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg documents
 	deploy/deb.sh $(DEB)
 	lintian --fail-on error $(DEB)/packages/*.changes
 
