@@ -13,18 +13,18 @@ step() { printf '%(%T)T  %s\n' -1 "$*"; }
 
 if [[ ${4:-} != inside ]]; then
   step 'images'
-  if ! podman image exists localhost/pepeseg-base; then
+  if ! podman image exists localhost/debian-12; then
     mirror=${PEPESEG_DEBIAN_MIRROR:-http://deb.debian.org}
     check=$(apt-config dump Acquire::Check-Valid-Until)
     mmdebstrap --quiet --variant=minbase ${check:+--aptopt="$check"} bookworm "$store/base.tar" \
       "deb $mirror/debian bookworm main" "deb $mirror/debian bookworm-updates main" \
       "deb $mirror/debian-security bookworm-security main"
-    podman import --quiet "$store/base.tar" localhost/pepeseg-base >/dev/null
+    podman import --quiet "$store/base.tar" localhost/debian-12 >/dev/null
     rm "$store/base.tar"
   fi
   build() {
     buildah bud --quiet --isolation chroot --network host --layers --format docker \
-      --build-arg BASE=localhost/pepeseg-base "$@" >/dev/null
+      --build-arg BASE=localhost/debian-12 "$@" >/dev/null
   }
   build -f deploy/image/gateway.Dockerfile -t localhost/pepeseg-gateway .
   files=tests/system/deploy/compose

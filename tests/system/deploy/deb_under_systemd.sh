@@ -62,3 +62,12 @@ expect 0 systemctl stop pepesegd pepeseg-web
 expect 0 systemctl start pepesegd pepeseg-web
 wait_for pepeseg health
 ask_web
+
+step 'an upgrade restarts the services and keeps the settings'
+server=$(property pepesegd MainPID)
+expect 0 env DEBIAN_FRONTEND=noninteractive dpkg --install /test/pepeseg-server_*.deb /test/pepeseg_*.deb /test/pepeseg-web_*.deb
+wait_for pepeseg health
+[[ $(property pepesegd MainPID) != "$server" ]] || fail 'an upgrade leaves the old program running'
+grep -q -- '--checkpoint-seconds=1$' /etc/pepeseg/pepesegd.conf || fail 'an upgrade overwrites the settings'
+click /tmp/fourth
+ask_web
