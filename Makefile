@@ -5,7 +5,8 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help packages demo-configuration build sam detector sam-test demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
-  image-test deploy-check web web-app web-test
+  image-test deploy-check web web-app web-test deb deb-test \
+  wheel npm-package client-packages-test compose-test
 
 BUILD ?= build
 JOBS ?= $(shell nproc)
@@ -43,9 +44,14 @@ help:
 	@echo 'make asan      the tests under ASan and UBSan     make tsan     under TSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tests it'
+	@echo 'make compose-test   runs deploy/compose.yaml by docker-compose on Podman, as root'
 	@echo 'make deploy-check   check the manifests in deploy/ against published schemas (needs npm)'
 	@echo 'make web       the web app, on http://127.0.0.1:8080, and a server if none runs on'
 	@echo '               127.0.0.1:50051 (PEPESEG_SERVER)      make web-test   tests it in Chromium'
+	@echo 'make deb       Debian packages of server, client and web app, in $(BUILD)-deb/packages'
+	@echo '               make deb-test   tests them in a bare Debian 12, as root'
+	@echo 'make wheel     the Python client, in $(BUILD)/wheel      make npm-package   the web app, in $(BUILD)/npm'
+	@echo '               make client-packages-test   installs both in new folders and calls a server'
 	@echo 'make packages  only install the Debian packages that are needed'
 
 packages:
@@ -174,6 +180,8 @@ fuzz:
 	cmake --build $(BUILD)-fuzz -j $(JOBS) --target fuzz_targets
 	tests/system/fuzz/run.sh $(BUILD)-fuzz $(FUZZ_SECONDS)
 
+DEB = $(BUILD)-deb
+
 # Run as root. Needs no container engine and only Debian's packages.
 image:
 	@deploy/packages.sh deploy/packages/image.txt
@@ -182,6 +190,11 @@ image:
 image-test:
 	@deploy/packages.sh deploy/packages/image.txt
 	timeout --kill-after=60 7200 deploy/image/test.sh $(BUILD)/image
+
+# Run as root. Takes the image of `make image` if it is there, else makes one of the packages of `make deb`.
+compose-test: deb
+	@deploy/packages.sh deploy/packages/image.txt deploy/packages/compose-test.txt
+	timeout --kill-after=60 3600 tests/system/deploy/compose_test.sh $(BUILD)/image $(DEB)/packages $(DEB)/bin
 
 # Needs npm's registry, for the schemas.
 deploy-check:
@@ -221,3 +234,32 @@ web-test: web-app $(BUILD)/CMakeCache.txt
 	@deploy/packages.sh deploy/packages/web-test.txt
 	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker
 	cd $(WEB) && PEPESEG_BUILD=$(BUILD) PEPESEG_WEB_OUT=$(BUILD)/web-test npx playwright test
+
+# Packages for apt. They compute on the CPU; with CUDA:
+#   make deb CMAKE_ARGS='-DPEPESEG_CUDA_ARCHITECTURES=80-real;86-real;89-real;90'
+# Paths of this folder do not get into the programs; ccache's base_dir would keep the compiler from it.
+deb: web-app
+	@deploy/packages.sh deploy/packages/build.txt deploy/packages/deb.txt
+	cmake -S . -B $(DEB) $(GENERATOR) -DPEPESEG_UNITY=$(UNITY) -DBUILD_TESTING=OFF \
+	  -DPEPESEG_CUDA_ARCHITECTURES=OFF -DCMAKE_CXX_FLAGS=-ffile-prefix-map=$(CURDIR)=. \
+	  -DCMAKE_EXE_LINKER_FLAGS=-Wl,-z,now -DCMAKE_MODULE_LINKER_FLAGS=-Wl,-z,now $(CMAKE_ARGS)
+	CCACHE_BASEDIR= cmake --build $(DEB) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg documents
+	deploy/deb.sh $(DEB)
+	lintian --allow-root --fail-on error $(DEB)/packages/*.changes
+
+# Run as root. The packages that the test installs come from the mirrors of this machine's apt.
+deb-test: deb
+	@deploy/packages.sh deploy/packages/deb-test.txt
+	timeout --kill-after=60 3600 tests/system/deploy/deb_test.sh $(DEB)/packages
+
+wheel: | packages
+	deploy/wheel.sh $(BUILD)/wheel
+
+npm-package: web-app
+	deploy/npm_package.sh $(BUILD)/npm
+
+client-packages-test: $(BUILD)/CMakeCache.txt wheel npm-package
+	@deploy/packages.sh deploy/packages/build.txt deploy/packages/wheel-test.txt
+	cmake --build $(BUILD) -j $(JOBS) --target pepesegd pepeseg-worker pepeseg
+	tests/system/deploy/client_packages_test.sh $(BUILD)/bin $(BUILD)/wheel/pepeseg-*.whl \
+	  $(BUILD)/npm/pepeseg-web-*.tgz

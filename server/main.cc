@@ -152,6 +152,7 @@ int RunCommand(const std::function<absl::Status()>& command) {
 int main(int argc, char** argv) {
   pepeseg::Flags flags;
   CLI::App app("The pepeseg server: scenes from photographs, segments from clicks", "pepesegd");
+  app.set_version_flag("--version", "pepesegd " PEPESEG_VERSION, "Print the version and exit");
   pepeseg::AddFlags(app, flags);
   std::function<absl::Status()> command;  // set by `pepesegd keys`: runs instead of the server
   pepeseg::AddKeysCommand(app, flags.server, command);

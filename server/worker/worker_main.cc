@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -258,6 +259,10 @@ WorkerExit Run(const Arguments& arguments) {
 }  // namespace pepeseg
 
 int main(int argc, char** argv) {
+  if (argc == 2 && std::strcmp(argv[1], "--help") == 0) {
+    std::puts(pepeseg::kUsage);
+    return EXIT_SUCCESS;
+  }
   pepeseg::Arguments arguments;
   const bool parsed = pepeseg::Parse(argc, argv, &arguments);
   pepeseg::ConfigureLog(pepeseg::LogFormat::kText);  // until the spec is read

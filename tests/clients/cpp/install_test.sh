@@ -5,7 +5,7 @@
 set -euo pipefail
 build=$1 example=$2 work=$3
 rm -rf "$work"
-cmake --install "$build" --component client --prefix "$work/prefix" >"$work.log"
+cmake --install "$build" --component dev --prefix "$work/prefix" >"$work.log"
 [[ -f $work/prefix/include/pepeseg-client/clients/cpp/client.h ]]
 # The build type differs from that of the library, and warnings are not errors.
 cmake -S "$example" -B "$work/build" -DCMAKE_PREFIX_PATH="$work/prefix" -DCMAKE_BUILD_TYPE=Debug \

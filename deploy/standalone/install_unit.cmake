@@ -1,0 +1,17 @@
+# pepeseg_install_unit(NAME): installs NAME.service of this folder with the paths of this
+# installation, and NAME.conf unless the settings are there already. For scripts of cmake --install.
+function(pepeseg_install_unit name)
+  set(etc ${CMAKE_INSTALL_PREFIX}/etc)
+  if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
+    set(etc /etc)
+  endif()
+  file(READ ${PEPESEG_ROOT}/deploy/standalone/${name}.service unit)
+  string(REPLACE "=/usr/bin/" "=${CMAKE_INSTALL_PREFIX}/bin/" unit "${unit}")
+  string(REPLACE "/etc/pepeseg/" "${etc}/pepeseg/" unit "${unit}")
+  set(file $ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/lib/systemd/system/${name}.service)
+  message(STATUS "Installing: ${file}")
+  file(WRITE ${file} "${unit}")
+  if(NOT EXISTS $ENV{DESTDIR}${etc}/pepeseg/${name}.conf)
+    file(INSTALL ${PEPESEG_ROOT}/deploy/standalone/${name}.conf DESTINATION ${etc}/pepeseg)
+  endif()
+endfunction()
