@@ -43,8 +43,8 @@ absl::Status RunCancel(const Shell& shell, const std::string& job) {
   return absl::OkStatus();
 }
 
-// Returns the model of a job that succeeded, the progress of a running one, or the stage and the
-// reason of another end.
+// Returns the model of a job that succeeded, the progress of a running one, what a queued one waits
+// for, or the stage and the reason of another end.
 std::string OutcomeText(const v1::Job& job) {
   if (!job.model().empty()) return job.model();
   const v1::JobProgress& progress = job.progress();
@@ -52,6 +52,7 @@ std::string OutcomeText(const v1::Job& job) {
     constexpr size_t kColumns = 60;
     return ProgressText(progress, kColumns);
   }
+  if (job.has_wait()) return WaitText(job.wait(), absl::Now());
   const std::string word = WordOf(job.stage());
   const std::string stage = word.empty() ? "" : absl::StrCat("in ", word);
   if (job.state() != v1::JOB_STATE_FAILED) return stage;

@@ -64,6 +64,21 @@ std::string SizeText(int64_t bytes) {
   return absl::StrFormat("%.1f GB", size * 1e-9);
 }
 
+std::string WaitText(const v1::Job::Wait& wait, absl::Time now) {
+  switch (wait.reason()) {
+    case v1::Job::Wait::REASON_DEVICE:
+      if (wait.jobs_ahead() == 0) return "next, when a device is free";
+      return absl::StrCat("after ", wait.jobs_ahead(),
+                          wait.jobs_ahead() == 1 ? " other" : " others", ", when a device is free");
+    case v1::Job::Wait::REASON_QUOTA:
+      return "until another job of its project ends, by its quota";
+    case v1::Job::Wait::REASON_RETRY:
+      return absl::StrCat(SpanText(ToTime(wait.retry_time()) - now), " until the next attempt");
+    default:  // a newer server has other reasons
+      return "";
+  }
+}
+
 std::string WordOf(v1::JobState state) {
   return Word(state, v1::JobState_Name(state), "JOB_STATE_");
 }

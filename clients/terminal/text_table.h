@@ -31,6 +31,10 @@ std::string SizeText(int64_t bytes);
 // Converts bytes to MiB.
 inline double Mib(int64_t num_bytes) { return static_cast<double>(num_bytes) / (1 << 20); }
 
+// Returns what a queued job waits for: "after 2 others, when a device is free", "until another job
+// of its project ends, by its quota", "12 s until the next attempt". Empty: it is not known.
+std::string WaitText(const v1::Job::Wait& wait, absl::Time now);
+
 // Each returns the name of a value in lower case and without the prefix of its type: "reconstruct"
 // for JOB_STAGE_RECONSTRUCT. Returns "" for UNSPECIFIED, and the number of a value that this
 // program does not know, which a newer server sends.

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "clients/cpp/file_bytes.h"
 #include "clients/cpp/option_setting.h"
 #include "clients/cpp/status_macros.h"
@@ -44,7 +45,10 @@ std::string TermSkippedText(const v1::JobEvent::TermSkipped& skipped) {
 void ShowEvent(const v1::JobEvent& event, ProgressLine& line) {
   switch (event.event_case()) {
     case v1::JobEvent::kSnapshot:
-      if (event.snapshot().state() == v1::JOB_STATE_QUEUED) line.Say("queued");
+      if (event.snapshot().state() == v1::JOB_STATE_QUEUED) {
+        const std::string wait = WaitText(event.snapshot().wait(), absl::Now());
+        line.Say(wait.empty() ? "queued" : absl::StrCat("queued: ", wait));
+      }
       if (event.snapshot().has_progress()) {
         line.Show(ProgressText(event.snapshot().progress(), line.columns()));
       }

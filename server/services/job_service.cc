@@ -16,6 +16,7 @@
 #include "server/api/error.h"
 #include "server/api/records_to_proto.h"
 #include "server/api/resource_name.h"
+#include "server/services/job_wait.h"
 #include "server/services/watch_job.h"
 
 namespace pepeseg {
@@ -197,6 +198,7 @@ absl::Status JobServiceRpc::TrainScene(const UnaryCall& call, const v1::TrainSce
   }
   RETURN_IF_ERROR(job.status());
   *response = ToProto(*job);
+  JobWaits(store_).Fill(*job, *response);
   return absl::OkStatus();
 }
 
@@ -239,9 +241,11 @@ absl::Status JobServiceRpc::ListJobs(const UnaryCall& call, const v1::ListJobsRe
   ASSIGN_OR_RETURN(const PageRequest page,
                    PageFromProto(request.page_size(), request.page_token()));
   ASSIGN_OR_RETURN(const Page<JobRecord> jobs, store_.jobs().ListJobs(filter, page));
+  JobWaits waits(store_);
   for (const JobRecord& record : jobs.records) {
     v1::Job* job = response->add_jobs();
     *job = ToProto(record);
+    waits.Fill(record, *job);
     // The store has no progress: it comes from the job's event log. A log that cannot be read
     // must not fail the list.
     if (record.state != JobState::kRunning) continue;

@@ -10,6 +10,7 @@
 #include "server/api/records_to_proto.h"
 #include "server/api/resource_name.h"
 #include "server/rpc/stream_registry.h"
+#include "server/services/job_wait.h"
 
 namespace pepeseg {
 namespace {
@@ -51,6 +52,7 @@ absl::StatusOr<JobSnapshot> ReadJob(Store& store, const Supervisor& supervisor,
   RETURN_IF_ERROR(record.status());
   RETURN_IF_ERROR(newest.status());
   JobSnapshot snapshot{ToProto(*record), newest->sequence};
+  JobWaits(store).Fill(*record, snapshot.job);
   if (newest->progress.has_value()) *snapshot.job.mutable_progress() = *newest->progress;
   return snapshot;
 }

@@ -101,8 +101,9 @@ int64_t LeaseEnd(soci::session& sql, const JobQueue::Holder& holder) {
   return DatabaseMicros(sql) + absl::ToInt64Microseconds(holder.lease);
 }
 
-// Returns the number of the job to claim, or 0. PostgreSQL skips jobs that other servers are
-// claiming at the moment, instead of waiting for them.
+// Returns the numbers of the jobs to claim, first those to claim first, at most `limit`. With
+// `locked` no other transaction claims them meanwhile, and PostgreSQL skips jobs that other servers
+// are claiming at the moment, instead of waiting for them.
 //
 // The quota of running jobs applies to QUEUED jobs only: a RUNNING job whose lease has expired
 // counts in its project already. The subquery of the quota selects the projects that run as many
@@ -110,18 +111,18 @@ int64_t LeaseEnd(soci::session& sql, const JobQueue::Holder& holder) {
 //
 // `shares` has what each project runs now, and how long its jobs ran within kShareWindow. The time
 // of a job counts from the start of its newest attempt, which is all that the store keeps.
-int64_t SelectClaimable(soci::session& sql, const Quota& defaults, JobQueue::Claims claims) {
+std::vector<int64_t> SelectClaimable(soci::session& sql, const Quota& defaults,
+                                     JobQueue::Claims claims, int limit, bool locked) {
   // SQLite has no row locks; its transactions are IMMEDIATE, so that claims follow one another.
-  const std::string unlocked =
-      sql.get_backend_name() == "postgresql" ? " FOR UPDATE OF jobs SKIP LOCKED" : "";
+  const std::string lock =
+      locked && sql.get_backend_name() == "postgresql" ? " FOR UPDATE OF jobs SKIP LOCKED" : "";
   const int64_t now = DatabaseMicros(sql);
   const int64_t since = now - absl::ToInt64Microseconds(kShareWindow);
   const int64_t long_ago = now - absl::ToInt64Microseconds(kLongWait);
-  const bool previews_only = claims == JobQueue::Claims::kPreviews;
-  const int64_t expired = previews_only ? 0 : now;
-  const int least_preview = previews_only ? 1 : 0;
+  const int64_t expired = claims == JobQueue::Claims::kAll ? now : 0;
+  const int least_preview = claims == JobQueue::Claims::kPreviews ? 1 : 0;
   const int64_t most = defaults.running_jobs > 0 ? defaults.running_jobs : kNever;
-  int64_t number = 0;
+  std::vector<int64_t> numbers(static_cast<size_t>(limit));
   sql << "SELECT jobs.number FROM jobs JOIN scenes ON scenes.id = jobs.scene LEFT JOIN ("
          "SELECT s.project AS project, SUM(CASE WHEN r.state = 1 THEN 1 ELSE 0 END) AS running,"
          " SUM(CASE WHEN r.state = 1 THEN :now1 ELSE r.end_time END -"
@@ -137,12 +138,19 @@ int64_t SelectClaimable(soci::session& sql, const Quota& defaults, JobQueue::Cla
          " ORDER BY CASE WHEN jobs.state = 1 THEN 0 WHEN jobs.put_backs > 0 THEN 1"
          " WHEN jobs.preview = 1 OR jobs.create_time < :long_ago THEN 2 ELSE 3 END,"
          " COALESCE(shares.running, 0),"
-         " COALESCE(shares.used, 0), jobs.number LIMIT 1"
-      << unlocked,
+         " COALESCE(shares.used, 0), jobs.number LIMIT :limit"
+      << lock,
       soci::use(now), soci::use(since), soci::use(since), soci::use(since), soci::use(expired),
       soci::use(least_preview), soci::use(now), soci::use(most), soci::use(long_ago),
-      soci::into(number);
-  return sql.got_data() ? number : 0;
+      soci::use(limit), soci::into(numbers);
+  if (!sql.got_data()) numbers.clear();
+  return numbers;
+}
+
+// Returns the number of the job to claim, or 0.
+int64_t SelectNext(soci::session& sql, const Quota& defaults, JobQueue::Claims claims) {
+  const std::vector<int64_t> next = SelectClaimable(sql, defaults, claims, 1, /*locked=*/true);
+  return next.empty() ? 0 : next.front();
 }
 
 std::vector<JobRecord> SelectRunning(soci::session& sql) {
@@ -162,7 +170,7 @@ absl::StatusOr<std::optional<JobRecord>> JobQueue::ClaimJob(const std::string& d
                                                             Claims claims) {
   using Claimed = std::optional<JobRecord>;
   return database_.Query<Claimed>([&](soci::session& sql) -> absl::StatusOr<Claimed> {
-    const int64_t number = SelectClaimable(sql, defaults_, claims);
+    const int64_t number = SelectNext(sql, defaults_, claims);
     if (number == 0) return Claimed();
     ASSIGN_OR_RETURN(JobRecord job, SelectJob(sql, absl::StrCat("j", number)));
     // A launcher still runs the others: their attempt continues under a new holder.
@@ -178,8 +186,15 @@ absl::StatusOr<std::optional<JobRecord>> JobQueue::ClaimJob(const std::string& d
 
 absl::StatusOr<std::string> JobQueue::FindPreview() {
   return database_.Query<std::string>([&](soci::session& sql) -> absl::StatusOr<std::string> {
-    const int64_t number = SelectClaimable(sql, defaults_, Claims::kPreviews);
+    const int64_t number = SelectNext(sql, defaults_, Claims::kPreviews);
     return number == 0 ? std::string() : absl::StrCat("j", number);
+  });
+}
+
+absl::StatusOr<std::vector<int64_t>> JobQueue::ListClaimable() {
+  using Numbers = std::vector<int64_t>;
+  return database_.Query<Numbers>([&](soci::session& sql) -> absl::StatusOr<Numbers> {
+    return SelectClaimable(sql, defaults_, Claims::kQueued, kMostListed, /*locked=*/false);
   });
 }
 

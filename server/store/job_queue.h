@@ -30,8 +30,8 @@ class JobQueue {
   JobQueue(Database& database, const Holder& holder, const Quota& defaults)
       : database_(database), holder_(holder), defaults_(defaults) {}
 
-  // What ClaimJob may claim.
-  enum class Claims { kAll, kPreviews };
+  // What ClaimJob may claim: all, QUEUED jobs, or QUEUED previews.
+  enum class Claims { kAll, kQueued, kPreviews };
 
   // Claims a job that is QUEUED, or RUNNING with an expired lease, and these first. Of the queued
   // jobs it takes first those that were put back for a preview, then previews and jobs that have
@@ -46,6 +46,10 @@ class JobQueue {
                                                     Claims claims = Claims::kAll);
   // Returns the id of the preview that ClaimJob would claim next; empty: none. Changes nothing.
   absl::StatusOr<std::string> FindPreview();
+  // Returns the numbers of QUEUED jobs in the order in which ClaimJob would take them now, but for
+  // what each claim changes: those that may be claimed, at most kMostListed. Changes nothing.
+  absl::StatusOr<std::vector<int64_t>> ListClaimable();
+  static constexpr int kMostListed = 1'000;
   // Renews the leases of the jobs that this store holds, and returns these jobs.
   absl::StatusOr<std::vector<JobRecord>> RenewLeases();
   // Returns the RUNNING jobs of this store; changes nothing.

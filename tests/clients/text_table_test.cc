@@ -27,6 +27,23 @@ TEST(SizeText, ChoosesTheUnitBySize) {
   EXPECT_EQ(SizeText(1'200'000'000), "1.2 GB");
 }
 
+TEST(WaitText, SaysWhatAJobWaitsFor) {
+  const absl::Time now = absl::FromUnixSeconds(1000);
+  v1::Job::Wait wait;
+  EXPECT_EQ(WaitText(wait, now), "");
+  wait.set_reason(v1::Job::Wait::REASON_DEVICE);
+  EXPECT_EQ(WaitText(wait, now), "next, when a device is free");
+  wait.set_jobs_ahead(1);
+  EXPECT_EQ(WaitText(wait, now), "after 1 other, when a device is free");
+  wait.set_jobs_ahead(2);
+  EXPECT_EQ(WaitText(wait, now), "after 2 others, when a device is free");
+  wait.set_reason(v1::Job::Wait::REASON_QUOTA);
+  EXPECT_EQ(WaitText(wait, now), "until another job of its project ends, by its quota");
+  wait.set_reason(v1::Job::Wait::REASON_RETRY);
+  wait.mutable_retry_time()->set_seconds(1012);
+  EXPECT_EQ(WaitText(wait, now), "12 s until the next attempt");
+}
+
 TEST(WordOf, LeavesOutThePrefixOfTheType) {
   EXPECT_EQ(WordOf(v1::JOB_STATE_SUCCEEDED), "succeeded");
   EXPECT_EQ(WordOf(v1::JOB_STAGE_RECONSTRUCT), "reconstruct");

@@ -234,6 +234,35 @@ TEST_F(JobServiceTest, RunsOneTrainingOfASceneAtATime) {
   EXPECT_ERROR(Cancel("jobs/j99"), grpc::NOT_FOUND);
 }
 
+// One device, on which the first job runs for as long as the test.
+TEST_F(JobServiceTest, SaysWhatAQueuedJobWaitsFor) {
+  const std::string first = running.Train("shelf", "hang").name();
+  ASSERT_TRUE(Eventually(
+      [&] { return Call(&JobStub::GetJob, Named{first})->state() == v1::JOB_STATE_RUNNING; }));
+  EXPECT_FALSE(Call(&JobStub::GetJob, Named{first})->has_wait());
+  std::vector<std::string> waiting;
+  for (const std::string scene : {"second", "third"}) {
+    running.CreateScene(scene);
+    v1::TrainSceneRequest request;
+    request.set_scene("scenes/" + scene);
+    request.set_dataset(running.UploadAndSeal(scene, {{"hang", "bytes"}}));
+    ASSERT_OK_AND_ASSIGN(const auto job, Train(request));
+    EXPECT_EQ(job.wait().reason(), v1::Job::Wait::REASON_DEVICE);
+    EXPECT_EQ(job.wait().jobs_ahead(), static_cast<int>(waiting.size()));
+    waiting.push_back(job.name());
+  }
+  for (int i = 0; i < 2; ++i) {
+    const auto job = Call(&JobStub::GetJob, Named{waiting[i]});
+    EXPECT_EQ(job->wait().reason(), v1::Job::Wait::REASON_DEVICE);
+    EXPECT_EQ(job->wait().jobs_ahead(), i);
+  }
+  const auto listed = Call(&JobStub::ListJobs, v1::ListJobsRequest());
+  for (const v1::Job& job : listed->jobs()) EXPECT_EQ(job.has_wait(), job.name() != first);
+  ASSERT_OK(Cancel(waiting[0]));
+  EXPECT_EQ(Call(&JobStub::GetJob, Named{waiting[1]})->wait().jobs_ahead(), 0);
+  EXPECT_FALSE(Call(&JobStub::GetJob, Named{waiting[0]})->has_wait());
+}
+
 TEST_F(JobServiceTest, ListsByStateAndPage) {
   for (const char* file : {"fine", "fail", "fine"}) {
     running.Await(running.Train("shelf", file).name());

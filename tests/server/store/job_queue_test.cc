@@ -145,6 +145,25 @@ TEST_F(StoreQueueTest, ClaimsWhatWasPutBackThenPreviewsThenTheRest) {
   }
 }
 
+TEST_F(StoreQueueTest, ListsWhatIsClaimableInTheOrderOfClaims) {
+  const auto store = Open("a", absl::Seconds(60));
+  EXPECT_TRUE(store->queue().ListClaimable()->empty());
+  std::vector<std::string> jobs;
+  for (const bool preview : {false, false, true, false}) {
+    jobs.push_back(Queue(*store, kDefaultProject, preview));
+  }
+  // One runs, and one pauses.
+  EXPECT_EQ((*store->queue().ClaimJob("cpu"))->id, jobs[2]);
+  EXPECT_EQ((*store->queue().ClaimJob("cpu"))->id, jobs[0]);
+  ASSERT_OK(store->queue().RequeueJob(jobs[0], 1, {AttemptEnd::kCrashed, false, absl::Hours(1)}));
+  jobs.push_back(Queue(*store, kDefaultProject, true));
+  const auto number = [](const std::string& id) { return std::stoll(id.substr(1)); };
+  const std::vector<int64_t> want = {number(jobs[4]), number(jobs[1]), number(jobs[3])};
+  EXPECT_EQ(*store->queue().ListClaimable(), want);
+  for (const int64_t next : want) EXPECT_EQ((*store->queue().ClaimJob("cpu"))->number, next);
+  EXPECT_TRUE(store->queue().ListClaimable()->empty());
+}
+
 TEST_F(StoreQueueTest, ClaimsOnlyPreviewsOnRequest) {
   const auto store = Open("a", absl::Seconds(60));
   using Claims = JobQueue::Claims;

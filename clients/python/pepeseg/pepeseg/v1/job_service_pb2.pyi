@@ -82,7 +82,22 @@ class GetJobRequest(_message.Message):
     def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class Job(_message.Message):
-    __slots__ = ["cancel_requested", "create_time", "dataset", "device", "effective_options", "end_time", "error", "model", "name", "progress", "scene", "stage", "start_time", "state"]
+    __slots__ = ["cancel_requested", "create_time", "dataset", "device", "effective_options", "end_time", "error", "model", "name", "progress", "scene", "stage", "start_time", "state", "wait"]
+    class Wait(_message.Message):
+        __slots__ = ["jobs_ahead", "reason", "retry_time"]
+        class Reason(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+            __slots__ = []
+        JOBS_AHEAD_FIELD_NUMBER: _ClassVar[int]
+        REASON_DEVICE: Job.Wait.Reason
+        REASON_FIELD_NUMBER: _ClassVar[int]
+        REASON_QUOTA: Job.Wait.Reason
+        REASON_RETRY: Job.Wait.Reason
+        REASON_UNSPECIFIED: Job.Wait.Reason
+        RETRY_TIME_FIELD_NUMBER: _ClassVar[int]
+        jobs_ahead: int
+        reason: Job.Wait.Reason
+        retry_time: _timestamp_pb2.Timestamp
+        def __init__(self, reason: _Optional[_Union[Job.Wait.Reason, str]] = ..., jobs_ahead: _Optional[int] = ..., retry_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
     CANCEL_REQUESTED_FIELD_NUMBER: _ClassVar[int]
     CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
     DATASET_FIELD_NUMBER: _ClassVar[int]
@@ -97,6 +112,7 @@ class Job(_message.Message):
     STAGE_FIELD_NUMBER: _ClassVar[int]
     START_TIME_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
+    WAIT_FIELD_NUMBER: _ClassVar[int]
     cancel_requested: bool
     create_time: _timestamp_pb2.Timestamp
     dataset: str
@@ -111,7 +127,8 @@ class Job(_message.Message):
     stage: JobStage
     start_time: _timestamp_pb2.Timestamp
     state: JobState
-    def __init__(self, name: _Optional[str] = ..., scene: _Optional[str] = ..., dataset: _Optional[str] = ..., state: _Optional[_Union[JobState, str]] = ..., stage: _Optional[_Union[JobStage, str]] = ..., effective_options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Error, _Mapping]] = ..., model: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., device: _Optional[str] = ...) -> None: ...
+    wait: Job.Wait
+    def __init__(self, name: _Optional[str] = ..., scene: _Optional[str] = ..., dataset: _Optional[str] = ..., state: _Optional[_Union[JobState, str]] = ..., stage: _Optional[_Union[JobStage, str]] = ..., effective_options: _Optional[_Union[_training_options_pb2.TrainingOptions, _Mapping]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., error: _Optional[_Union[_errors_pb2.Error, _Mapping]] = ..., model: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., device: _Optional[str] = ..., wait: _Optional[_Union[Job.Wait, _Mapping]] = ...) -> None: ...
 
 class JobEvent(_message.Message):
     __slots__ = ["heartbeat", "preview", "progress", "sequence", "snapshot", "stage_ended", "stage_started", "state_changed", "term_skipped", "time", "warning"]
