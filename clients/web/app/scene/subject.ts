@@ -10,8 +10,8 @@ export interface Subject {
 }
 
 /**
- * Returns whether this names a job. A job answers clicks and renders; its names, finds, decompositions,
- * selections and exports come with its model.
+ * Returns whether this names a job. A job answers prompts and renders; names, finds, selections and exports
+ * come with its model. "Everything" waits for the model, too: an id of a segment holds for one state only.
  */
 export function isJob(model: string): boolean {
   return model.startsWith('jobs/');

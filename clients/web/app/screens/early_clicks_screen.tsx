@@ -1,6 +1,6 @@
 // The workbench of a job while it trains. When the job has made its model, it moves there by itself.
 import type { JSX } from 'preact';
-import { useEffect, useState } from 'preact/hooks';
+import { useEffect, useMemo, useState } from 'preact/hooks';
 import type { Job } from '../../gen/pepeseg/v1/job_service_pb';
 import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
 import { sceneIdOf } from '../api/clients';
@@ -60,6 +60,11 @@ export function EarlyClicksScreen({ jobId }: { jobId: string }): JSX.Element {
   useEffect(() => {
     if (job && has3d) renamePath(`/scenes/${sceneIdOf(job.scene)}`);
   }, [has3d]);
+  // Each step of the training draws its banner again, not the workbench.
+  const clicks = useMemo(
+    () => job && <Clicks job={job} layout={layout} onShown={setShown} />,
+    [job?.name, job?.dataset, job?.model, layout.panes, layout.isPanelOpen],
+  );
   return (
     <div class="screen wide">
       <Header title={name || 'Training'} back={has3d ? '/' : `/jobs/${jobId}`}>
@@ -74,7 +79,7 @@ export function EarlyClicksScreen({ jobId }: { jobId: string }): JSX.Element {
         )}
         {isLost && <TrainingOutcome training={training} />}
         {job && !isLost && <TrainingBanner training={training} isReady={has3d} />}
-        {job && !isLost && <Clicks job={job} layout={layout} onShown={setShown} />}
+        {!isLost && clicks}
       </main>
     </div>
   );
