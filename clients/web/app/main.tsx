@@ -2,6 +2,7 @@ import type { JSX } from 'preact';
 import { render } from 'preact';
 import { AwayBanner } from './components/away_banner';
 import { useRoute } from './router';
+import { EarlyClicksScreen } from './screens/early_clicks_screen';
 import { NewSceneScreen } from './screens/new_scene_screen';
 import { SceneScreen } from './screens/scene_screen';
 import { ScenesScreen } from './screens/scenes_screen';
@@ -13,6 +14,7 @@ import './styles/dialog.css';
 import './styles/panel.css';
 import './styles/photo.css';
 import './styles/screens.css';
+import './styles/training.css';
 import './styles/workbench.css';
 import { resumeUploads } from './upload/uploads';
 
@@ -25,6 +27,8 @@ function Screen(): JSX.Element {
       return <UploadScreen key={route.upload} uploadId={route.upload} />;
     case 'scene':
       return <SceneScreen key={route.scene} sceneId={route.scene} />;
+    case 'clicks':
+      return <EarlyClicksScreen key={route.job} jobId={route.job} />;
     case 'training':
       return <TrainingScreen key={route.job} jobId={route.job} />;
     default:

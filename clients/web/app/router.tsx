@@ -7,13 +7,15 @@ export type Route =
   | { screen: 'new' }
   | { screen: 'upload'; upload: string }
   | { screen: 'scene'; scene: string }
-  | { screen: 'training'; job: string };
+  | { screen: 'training'; job: string }
+  | { screen: 'clicks'; job: string };
 
 export function parsePath(path: string): Route {
-  const [first, second] = path.split('/').filter(Boolean).map(decodeURIComponent);
+  const [first, second, third] = path.split('/').filter(Boolean).map(decodeURIComponent);
   if (first === 'new') return { screen: 'new' };
   if (first === 'uploads' && second) return { screen: 'upload', upload: second };
   if (first === 'scenes' && second) return { screen: 'scene', scene: second };
+  if (first === 'jobs' && second && third === 'clicks') return { screen: 'clicks', job: second };
   if (first === 'jobs' && second) return { screen: 'training', job: second };
   return { screen: 'scenes' };
 }
@@ -30,6 +32,11 @@ export function goTo(path: string, replace = false): void {
   else history.pushState(null, '', path);
   place.set(location.pathname);
   window.scrollTo(0, 0);
+}
+
+/** Shows another path of what is on the screen, which stays. */
+export function renamePath(path: string): void {
+  history.replaceState(null, '', `${path}${location.search}`);
 }
 
 /** Returns the value of a name in the URL's query; undefined without one. */

@@ -46,6 +46,13 @@ export function sendError(response: ServerResponse, error: unknown): void {
   response.end(JSON.stringify(body));
 }
 
+/** Returns how long browsers keep what is made of a model, a job's newest state, or a dataset. */
+export function cacheControl(resource: string): string {
+  // A model and a dataset never change; the model named "live", and that of a job, do.
+  const changes = resource.endsWith('/live') || resource.startsWith('jobs/');
+  return changes ? 'no-store' : 'private, max-age=86400, immutable';
+}
+
 export function queryOf(request: IncomingMessage): URLSearchParams {
   return new URL(request.url ?? '/', 'http://app').searchParams;
 }

@@ -12,6 +12,7 @@ import { SceneService } from '../gen/pepeseg/v1/scene_service_pb';
 import { SegmentationService } from '../gen/pepeseg/v1/segmentation_service_pb';
 import { SelectionService } from '../gen/pepeseg/v1/selection_service_pb';
 import type { Config } from './config';
+import { sceneOfJob } from './job_scenes';
 
 /** Time limit of a call without a deadline. */
 const longestWaitMs = 120_000;
@@ -28,7 +29,8 @@ export interface Channel {
 
 /** Returns the headers of a call about a resource, by which the gateway routes a scene's calls. */
 export function routing(resource: string | undefined): Record<string, string> {
-  const scene = /^scenes\/([^/]+)/.exec(resource ?? '')?.[1];
+  const named = (resource && sceneOfJob(resource)) ?? resource;
+  const scene = /^scenes\/([^/]+)/.exec(named ?? '')?.[1];
   return scene ? { 'x-scene': scene } : {};
 }
 
@@ -43,8 +45,9 @@ function showKey(key: string): Interceptor {
 export function retryMs(error: unknown): number | undefined {
   const from = ConnectError.from(error);
   const detail = detailOf(from);
-  // A stopping server is not waited for: the app says so.
-  if (from.code !== Code.Unavailable || detail?.reason === 'DRAINING') return undefined;
+  // The app says that it waits for a stopping server, or for the first state of a training.
+  const isShown = detail?.reason === 'DRAINING' || detail?.reason === 'NO_SNAPSHOT';
+  if (from.code !== Code.Unavailable || isShown) return undefined;
   return detail?.retryMs;
 }
 

@@ -9,7 +9,7 @@ import type {
 } from '../gen/pepeseg/v1/dataset_service_pb';
 import { GetPhotographRequestSchema } from '../gen/pepeseg/v1/dataset_service_pb';
 import { PixelFrame } from '../gen/pepeseg/v1/prompt_pb';
-import { abortedWith, need, queryOf, sendError, wholeNumber, written } from './answer';
+import { abortedWith, cacheControl, need, queryOf, sendError, wholeNumber, written } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
@@ -39,10 +39,7 @@ function begin(
   response.writeHead(200, {
     'content-type': contentType,
     'content-length': String(numBytes),
-    // A dataset and a model never change; the model named "live" does.
-    'cache-control': parent.endsWith('/live')
-      ? 'no-store'
-      : 'private, max-age=86400, immutable',
+    'cache-control': cacheControl(parent),
   });
 }
 

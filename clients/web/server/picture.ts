@@ -4,7 +4,7 @@ import type { IncomingMessage, ServerResponse } from 'node:http';
 import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
 import { RenderViewRequest_Content, RenderViewRequestSchema } from '../gen/pepeseg/v1/render_service_pb';
-import { abortedWith, need, queryOf, sendError, wholeNumber } from './answer';
+import { abortedWith, cacheControl, need, queryOf, sendError, wholeNumber } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
@@ -41,7 +41,7 @@ export async function getPicture(
     response.writeHead(200, {
       'content-type': 'image/png',
       'content-length': rendered.png.length,
-      'cache-control': model.endsWith('/live') ? 'no-store' : 'private, max-age=86400, immutable',
+      'cache-control': cacheControl(model),
     });
     response.end(rendered.png);
   } catch (error) {

@@ -11,7 +11,7 @@ import {
   GaussianFormat,
   SubsetSchema,
 } from '../gen/pepeseg/v1/render_service_pb';
-import { abortedWith, need, queryOf, sendError, wholeNumber, written } from './answer';
+import { abortedWith, cacheControl, need, queryOf, sendError, wholeNumber, written } from './answer';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
 import { passedOn } from './passed_on';
@@ -41,10 +41,7 @@ function begin(
     'content-length': String(header.numBytes),
     etag: `"${header.sha256}"`,
     'x-gaussians': String(header.numGaussians),
-    // A model and a selection never change; the model named "live" does.
-    'cache-control': query.get('model')?.endsWith('/live')
-      ? 'no-store'
-      : 'private, max-age=86400, immutable',
+    'cache-control': cacheControl(need(query, 'model')),
   });
 }
 

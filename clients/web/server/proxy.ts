@@ -10,6 +10,7 @@ import { SegmentationService } from '../gen/pepeseg/v1/segmentation_service_pb';
 import { SelectionService } from '../gen/pepeseg/v1/selection_service_pb';
 import type { BackEnd } from './back_end';
 import { routing } from './channel';
+import { learnScenes } from './job_scenes';
 import { passedOn } from './passed_on';
 
 /** The first query of a model loads it. */
@@ -17,12 +18,12 @@ const defaultTimeoutMs = 120_000;
 
 type Message = MessageShape<DescMessage>;
 
-/** The fields in which a request names its scene, or a resource of one. */
+/** Returns the resource by which a request is routed: a scene, a resource of one, or a job. */
 export function resourceOf(request: Message): string | undefined {
   const fields = request as unknown as Record<string, unknown>;
   for (const field of ['scene', 'parent', 'model', 'name', 'first']) {
     const value = fields[field];
-    if (typeof value === 'string' && value.startsWith('scenes/')) return value;
+    if (typeof value === 'string' && /^(scenes|jobs)\//.test(value)) return value;
   }
   return undefined;
 }
@@ -33,11 +34,13 @@ type StreamCall = (request: Message, options: object) => AsyncIterable<Message>;
 function passUnary(call: UnaryCall) {
   return async (request: Message, context: HandlerContext) => {
     try {
-      return await call(request, {
+      const answer = await call(request, {
         signal: context.signal,
         timeoutMs: context.timeoutMs() ?? defaultTimeoutMs,
         headers: routing(resourceOf(request)),
       });
+      learnScenes(answer);
+      return answer;
     } catch (error) {
       throw passedOn(error, context.signal);
     }
@@ -48,7 +51,10 @@ function passStream(call: StreamCall) {
   return async function* (request: Message, context: HandlerContext) {
     try {
       const options = { signal: context.signal, headers: routing(resourceOf(request)) };
-      for await (const message of call(request, options)) yield message;
+      for await (const message of call(request, options)) {
+        learnScenes(message);
+        yield message;
+      }
     } catch (error) {
       throw passedOn(error, context.signal);
     }

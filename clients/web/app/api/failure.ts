@@ -12,6 +12,8 @@ export interface Failure {
   readonly limit: string;
   /** Whether no server answers, so that repeating the call may help. */
   readonly away: boolean;
+  /** Whether a job that trains has no state to ask yet, so that repeating the call later helps. */
+  readonly isEarly: boolean;
   /** When a repetition makes sense, as the server says. */
   readonly retryMs: number | undefined;
 }
@@ -19,6 +21,7 @@ export interface Failure {
 /** What happened, where the server speaks of fields of its requests. */
 const plainWords: Partial<Record<string, string>> = {
   NO_SAM: 'This server cannot place borders by SAM.',
+  NO_SNAPSHOT: 'The training has nothing to click on yet.',
 };
 
 const advice: Partial<Record<string, string>> = {
@@ -29,6 +32,7 @@ const advice: Partial<Record<string, string>> = {
   DISK_FULL: 'The server’s disk is full: delete scenes that are not needed.',
   JOB_ACTIVE: 'Wait for the training that is running, or cancel it.',
   NO_MODEL: 'Train the scene first.',
+  NO_SNAPSHOT: 'The page asks again by itself.',
   NO_SAM: 'The mask stays as it is. Ask who runs the server to install SAM.',
   DRAINING: 'The server is being restarted; the page continues by itself.',
 };
@@ -42,6 +46,9 @@ const adviceByCode: Partial<Record<Code, string>> = {
   [Code.Internal]: 'The server’s log says more. Try again.',
   [Code.Unimplemented]: 'The server is older than the app: update it.',
 };
+
+/** Pause before a job is asked again, if the server names none. */
+const earlyPauseMs = 1000;
 
 /** fetch reports a lost connection as a TypeError, in every browser. */
 function isNetwork(error: ConnectError): boolean {
@@ -62,7 +69,9 @@ export function failureOf(cause: unknown): Failure {
   const error = ConnectError.from(cause);
   const detail = detailOf(error);
   const network = isNetwork(error);
-  const away = network || error.code === Code.Unavailable;
+  // A job that trains says by this that it has no state yet: the server answers.
+  const isEarly = detail?.reason === 'NO_SNAPSHOT';
+  const away = network || (error.code === Code.Unavailable && !isEarly);
   // The back end says at which address it looked for the server, and how to start one.
   const said = error.rawMessage.startsWith('the server does not answer');
   const todo = (detail && advice[detail.reason]) ?? adviceByCode[error.code] ?? '';
@@ -75,7 +84,8 @@ export function failureOf(cause: unknown): Failure {
     resource: detail?.resource ?? '',
     limit: detail?.limit ?? '',
     away,
-    retryMs: detail?.retryMs,
+    isEarly,
+    retryMs: detail?.retryMs ?? (isEarly ? earlyPauseMs : undefined),
   };
 }
 

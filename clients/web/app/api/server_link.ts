@@ -1,5 +1,6 @@
 // Whether the server answers. Requests that fail because it does not are repeated with growing pauses
-// until it does, so that the page recovers by itself.
+// until it does, so that the page recovers by itself. Requests to a job that has no state to ask yet are
+// repeated, too, after the pause that the server names.
 import { Store } from '../store';
 import { failureOf, isCancelled } from './failure';
 
@@ -70,11 +71,10 @@ export async function steadily<T>(ask: () => Promise<T>, signal?: AbortSignal): 
     } catch (error) {
       if (signal?.aborted || isCancelled(error)) throw error;
       const failure = failureOf(error);
-      if (!failure.away) {
-        serverAnswers();
-        throw error;
-      }
-      await backoff.wait(failure.what, failure.retryMs, signal);
+      if (!failure.away) serverAnswers();
+      if (!failure.away && !failure.isEarly) throw error;
+      if (failure.away) await backoff.wait(failure.what, failure.retryMs, signal);
+      else await pause(failure.retryMs ?? firstPauseMs, signal);
       if (signal?.aborted) throw error;
     }
   }

@@ -12,9 +12,15 @@ const choices: readonly { panes: Panes; name: string; icon: IconName; key: strin
   { panes: '3d', name: '3D', icon: 'cube', key: '3' },
 ];
 
-export function LayoutSwitch({ layout }: { layout: Layout }): JSX.Element {
+interface Props {
+  layout: Layout;
+  /** Whether there is a model to show in 3D. */
+  has3d?: boolean;
+}
+
+export function LayoutSwitch({ layout, has3d = true }: Props): JSX.Element {
   const narrow = useNarrow();
-  const shown = panesOn(narrow, layout.panes);
+  const shown = has3d ? panesOn(narrow, layout.panes) : 'photo';
   const { isPanelOpen } = layout;
   return (
     <>
@@ -26,7 +32,8 @@ export function LayoutSwitch({ layout }: { layout: Layout }): JSX.Element {
               key={panes}
               type="button"
               aria-pressed={panes === shown}
-              title={`${name} (${key})`}
+              disabled={!has3d && panes !== 'photo'}
+              title={has3d || panes === 'photo' ? `${name} (${key})` : `${name}: after the training`}
               onClick={() => layout.show(panes)}
             >
               <Icon name={icon} />

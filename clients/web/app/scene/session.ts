@@ -171,7 +171,7 @@ export class SceneSession {
 
   end(): void {
     this.hover.leave();
-    this.endRequests();
+    this.outdate();
     this.socket.close();
   }
 
@@ -324,10 +324,17 @@ export class SceneSession {
   private refused(sequence: bigint, error: unknown): void {
     if (sequence < this.firstSequence) return;
     const failure = failureOf(error);
+    if (failure.isEarly) return this.askLater(sequence, failure.retryMs);
     const { prompt } = this.state.get();
     const miss = prompt && isMiss(failure) ? missOf(prompt) : undefined;
     if (miss && this.before) this.goBack(miss);
     else this.state.patch({ busy: false, failure });
+  }
+
+  /** Asks again after a pause, unless something else was asked. */
+  private askLater(sequence: bigint, pauseMs: number | undefined): void {
+    const isNewest = () => sequence >= this.firstSequence && sequence === this.newestSequence;
+    setTimeout(() => isNewest() && this.send(), pauseMs);
   }
 
   /** Takes back the newest prompt: the answer before it stays. */

@@ -3,6 +3,7 @@ import type { JSX } from 'preact';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { FailureNote } from '../components/failure_note';
 import { useStore } from '../store';
+import { AfterTraining } from './after_training';
 import type { Brush } from './brush';
 import { describeAnswer } from './describe_answer';
 import { DownloadTools } from './download_tools';
@@ -47,6 +48,8 @@ interface Props {
   onPick: (id: number) => void;
   /** Whether the server has SAM. */
   hasSam: boolean;
+  /** Whether the model is the newest state of a job, which answers prompts only. */
+  isTraining: boolean;
   isOpen: boolean;
   photoOf: (view: View) => string;
   onHelp: () => void;
@@ -54,11 +57,11 @@ interface Props {
 
 type SegmentProps = Pick<
   Props,
-  'session' | 'view' | 'tool' | 'onTool' | 'brush' | 'onBrush' | 'hasSam' | 'onHelp'
+  'session' | 'view' | 'tool' | 'onTool' | 'brush' | 'onBrush' | 'hasSam' | 'isTraining' | 'onHelp'
 >;
 
 function SegmentSection(props: SegmentProps): JSX.Element {
-  const { session, view, hasSam, onHelp } = props;
+  const { session, view, hasSam, isTraining, onHelp } = props;
   const state = useStore(session.state);
   const { prompt, failure, busy, looking } = state;
   return (
@@ -73,7 +76,7 @@ function SegmentSection(props: SegmentProps): JSX.Element {
       <p class={`quiet ${prompt ? 'said' : ''}`} role="status" aria-busy={busy || looking}>
         {prompt
           ? describeAnswer(state, view.view, session.views)
-          : 'Click a thing in the view or in 3D.'}
+          : `Click a thing in the view${isTraining ? '' : ' or in 3D'}.`}
       </p>
       <FailureNote failure={failure} close={() => session.closeFailure()} />
       <GranularityTools session={session} hasSam={hasSam} />
@@ -85,17 +88,23 @@ function SegmentSection(props: SegmentProps): JSX.Element {
 
 /** Folded it is a rail of buttons; the sections stay, with their texts and running downloads. */
 export function ToolPanel(props: Props): JSX.Element {
-  const { isOpen, session, selections, view } = props;
+  const { isOpen, isTraining, session, selections, view } = props;
   return (
     <aside id="tools" class="tools" aria-label="Tools">
       {!isOpen && <ToolRail {...props} />}
       <div class="sections" hidden={!isOpen}>
         <SegmentSection {...props} />
-        <EverythingTools {...props} onTurn={props.onEverything} />
-        <FindTools {...props} />
-        <LabelTools {...props} shownView={view.view} />
-        <SelectionTools session={session} selections={selections} />
-        <DownloadTools {...props} />
+        {isTraining ? (
+          <AfterTraining />
+        ) : (
+          <>
+            <EverythingTools {...props} onTurn={props.onEverything} />
+            <FindTools {...props} />
+            <LabelTools {...props} shownView={view.view} />
+            <SelectionTools session={session} selections={selections} />
+            <DownloadTools {...props} />
+          </>
+        )}
       </div>
     </aside>
   );

@@ -17,13 +17,14 @@ interface RailProps {
   session: SceneSession;
   everything: SceneEverything;
   onEverything: (isOn: boolean) => void;
+  isTraining: boolean;
   tool: Tool;
   onTool: (tool: Tool) => void;
   onHelp: () => void;
 }
 
 export function ToolRail(props: RailProps): JSX.Element {
-  const { session, everything, onEverything, tool, onTool, onHelp } = props;
+  const { session, everything, onEverything, isTraining, tool, onTool, onHelp } = props;
   const { isOn } = useStore(everything.state);
   return (
     <div class="rail">
@@ -46,8 +47,9 @@ export function ToolRail(props: RailProps): JSX.Element {
         type="button"
         class="bare"
         aria-label="Everything"
-        title="Everything: all segments of the view (G)"
+        title={isTraining ? 'Everything: after the training' : 'Everything: all segments of the view (G)'}
         aria-pressed={isOn}
+        disabled={isTraining}
         onClick={() => onEverything(!isOn)}
       >
         <Icon name="segments" />

@@ -1,6 +1,6 @@
 // What the screen of a scene works with: the state of each of its sections.
-import { useEffect, useMemo } from 'preact/hooks';
-import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { useEffect, useMemo, useRef } from 'preact/hooks';
+import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { steadily } from '../api/server_link';
 import { useStore } from '../store';
 import { SceneEverything } from './everything';
@@ -11,15 +11,15 @@ import type { NamedMask } from './photo_view';
 import type { Prompt } from './prompt';
 import { SceneSelections } from './selections';
 import { SceneSession } from './session';
+import type { Subject } from './subject';
 import type { TintedThings } from './splat_parts';
 import { ThingMasks } from './thing_masks';
 import { ThingsIn3d } from './things_in_3d';
 
-export function useModel(scene: Scene, views: readonly View[]) {
-  const model = scene.liveModel;
+export function useModel({ scene, model }: Subject, views: readonly View[]) {
   const parts = useMemo(() => {
     const selections = new SceneSelections(model);
-    const labels = new SceneLabels(scene.name);
+    const labels = new SceneLabels(scene);
     return {
       session: new SceneSession(
         model,
@@ -48,6 +48,16 @@ export function useModel(scene: Scene, views: readonly View[]) {
     };
   }, [parts]);
   return parts;
+}
+
+/** Asks a new model what the model before it was asked. Its scales are its own: the size is not kept. */
+export function useKeptPrompt(session: SceneSession): void {
+  const before = useRef(session);
+  useEffect(() => {
+    const { prompt } = before.current.state.get();
+    if (before.current !== session && prompt) session.pose(prompt);
+    before.current = session;
+  }, [session]);
 }
 
 /** Returns what to draw of what was found: nothing while a segment is shown. */

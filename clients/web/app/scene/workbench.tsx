@@ -1,7 +1,7 @@
 // The screen for segmenting a scene: photograph and 3D, the strip of views and the side panel.
 import type { JSX } from 'preact';
 import { useEffect, useRef, useState } from 'preact/hooks';
-import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
+import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
 import { useAsked } from '../api/use_asked';
 import { useStore } from '../store';
@@ -20,16 +20,19 @@ import { placeOf, samePlace, sizeOf } from './prompt';
 import { useSegmentNames } from './segment_names';
 import { selectWith } from './selection_tools';
 import { serverHasSam } from './server_sam';
+import type { Shortcuts } from './shortcuts';
 import { ShortcutList, useShortcuts } from './shortcuts';
 import { SplatPane } from './splat_pane';
+import type { Subject } from './subject';
+import { isJob } from './subject';
 import { ToolPanel } from './tool_panel';
 import { FoldedStatus } from './tool_rail';
 import type { Tool } from './use_drawing';
 import { isWide } from './use_drawing';
-import { useFound, useModel, useThings, useTintedThings } from './use_model';
+import { useFound, useKeptPrompt, useModel, useThings, useTintedThings } from './use_model';
 
 interface Props {
-  scene: Scene;
+  subject: Subject;
   views: readonly View[];
   layout: Layout;
 }
@@ -41,10 +44,13 @@ function useOnce(holds: boolean): boolean {
   return held.current;
 }
 
-export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
-  const model = useModel(scene, views);
+export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
+  const isTraining = isJob(subject.model);
+  const model = useModel(subject, views);
   const { session, selections, labels, finder, everything, things, thingsIn3d } = model;
-  const [view, setView] = useState(views[0]);
+  const [viewName, setViewName] = useState('');
+  const view = views.find((other) => other.view === viewName) ?? views[0];
+  const setView = (to: View) => setViewName(to.view);
   const [tool, setTool] = useState<Tool>('include');
   const [brush, setBrush] = useState(firstBrush);
   const [source, setSource] = useState<Source>('photo');
@@ -52,19 +58,19 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
   /** The prompt of the last click in 3D. */
   const promptIn3d = useRef<Prompt | undefined>(undefined);
   const narrow = useNarrow();
-  const panes = panesOn(narrow, layout.panes);
+  const panes = isTraining ? 'photo' : panesOn(narrow, layout.panes);
   const isPanelOpen = narrow || layout.isPanelOpen;
   const is3dMade = useOnce(panes !== 'photo');
   const hasSam = useAsked(
-    (signal) => serverHasSam(scene.liveModel, signal),
-    [scene.liveModel],
+    async (signal) => !isTraining && serverHasSam(subject.model, signal),
+    [subject.model],
   );
   useEffect(() => {
     if (hasSam.value) session.setSamClicks('auto');
   }, [session, hasSam.value]);
   const renderingOf = (of: View) => pictureUrl(session.model, of.view);
   const thumbnailOf = (of: View) =>
-    photoUrl(session.model, { name: of.view, maxSide: thumbnailSide });
+    photoUrl(subject.photos, { name: of.view, maxSide: thumbnailSide });
   const state = useStore(session.state);
   const { prompt, answer, ladder, miss, numAnswers } = state;
   const { selection, showing } = useStore(selections.state);
@@ -75,6 +81,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     things.show(shown);
     if (view) everything.show(shown, sizeOf(view));
   }, [model, shown]);
+  useKeptPrompt(session);
   const found = useFound(finder, prompt === undefined);
   const named = useStore(labels.list);
   const shownThings = useThings(things, labels, prompt);
@@ -124,23 +131,33 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     session.pose(picked);
     if (!narrow) focusField('label-text');
   };
+  const ofModels: Shortcuts = {
+    '1': () => layout.show('photo'),
+    '2': () => layout.show('both'),
+    '3': () => layout.show('3d'),
+    g: () => showEverything(!everything.state.get().isOn),
+    n: () => things.turn(!things.state.get().isOn),
+    a: () => hasSam.value === true && findAlike(session, finder),
+    '/': () => focusField('find-text'),
+    l: () => focusField('label-text'),
+    s: () => selectWith(session, selections, 'select'),
+    t: () => selections.show('tinted'),
+    o: () => selections.show('isolated'),
+    w: () => selections.show('hidden'),
+  };
   useShortcuts({
+    ...(!isTraining && ofModels),
     '?': () => setHelp(true),
     'Ctrl+z': () => session.undo(),
     Escape: () => {
       if (!session.state.get().prompt) everything.turn(false);
       session.clear();
     },
-    '1': () => layout.show('photo'),
-    '2': () => layout.show('both'),
-    '3': () => layout.show('3d'),
     p: () => layout.openPanel(!layout.isPanelOpen),
     '[': () => step(-1),
     ']': () => step(1),
     ',': () => sizeStep(-1),
     '.': () => sizeStep(1),
-    g: () => showEverything(!everything.state.get().isOn),
-    n: () => things.turn(!things.state.get().isOn),
     i: () => setTool('include'),
     e: () => setTool('exclude'),
     r: () => setTool('box'),
@@ -153,13 +170,6 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
     '<': () => isWide(tool) && setBrush(withWidth(brush, brush.width - 2)),
     u: () => session.hover.turn(!session.hover.state.get().isOn),
     v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
-    a: () => hasSam.value === true && findAlike(session, finder),
-    '/': () => focusField('find-text'),
-    l: () => focusField('label-text'),
-    s: () => selectWith(session, selections, 'select'),
-    t: () => selections.show('tinted'),
-    o: () => selections.show('isolated'),
-    w: () => selections.show('hidden'),
   });
   if (!view) return <p class="loading">The model has no views.</p>;
 
@@ -176,7 +186,7 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
           <div class="pane" hidden={panes === '3d'}>
             <PhotoView
               view={view}
-              photoAt={(maxSide) => photoUrl(session.model, { name: shown, maxSide })}
+              photoAt={(maxSide) => photoUrl(subject.photos, { name: shown, maxSide })}
               rendering={renderingOf(view)}
               source={source}
               onSource={setSource}
@@ -233,7 +243,8 @@ export function SceneWorkbench({ scene, views, layout }: Props): JSX.Element {
         onPick={setView}
       />
       <ToolPanel
-        sceneId={sceneIdOf(scene.name)}
+        sceneId={sceneIdOf(subject.scene)}
+        isTraining={isTraining}
         {...model}
         {...{ views, view, tool, brush, segmentNames }}
         onTool={setTool}

@@ -13,7 +13,8 @@ import { SceneWorkbench } from '../scene/workbench';
 import { adviceOnModel } from './mask_advice';
 import { SceneWithoutModel } from './scene_without_model';
 
-async function allViews(model: string, signal: AbortSignal): Promise<View[]> {
+/** Returns all views of a model, or of a job that trains. */
+export async function allViews(model: string, signal: AbortSignal): Promise<View[]> {
   return allPages(async (pageToken) => {
     const page = await scenes.listViews({ parent: model, pageToken, pageSize: 1000 }, { signal });
     return { items: page.views, nextPageToken: page.nextPageToken };
@@ -38,11 +39,12 @@ function SceneWithModel({ scene, layout }: WithModelProps): JSX.Element {
         Loading the model …
       </p>
     );
+  const subject = { scene: scene.name, model: scene.liveModel, photos: scene.liveModel };
   const advice = model.value && adviceOnModel(model.value);
   return (
     <>
       <Advice key={scene.liveModel} about={scene.liveModel} text={advice} />
-      <SceneWorkbench scene={scene} views={views.value} layout={layout} />
+      <SceneWorkbench subject={subject} views={views.value} layout={layout} />
     </>
   );
 }

@@ -113,7 +113,7 @@ export function after(training: Training, { sequence, time, event }: JobEvent): 
   switch (event.case) {
     case 'snapshot':
       // The snapshot has the state at the start of the watch; the events that follow lead up to it.
-      return { ...training, job: event.value };
+      return { ...training, job: event.value, progress: event.value.progress ?? training.progress };
     case 'stageStarted': {
       const run: StageRun = { state: 'running', seconds: undefined, skipped: '' };
       const stages = new Map(training.stages).set(event.value.stage, run);

@@ -1,6 +1,7 @@
 // Whether dropped files make a scene, and what a person should know about them before the upload.
 import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
 import type { Dataset } from './dataset_files';
+import { namesText } from './names_text';
 
 export interface Verdict {
   /** good: nothing is wrong. bad: there is something to do first. */
@@ -12,17 +13,9 @@ export interface Verdict {
 }
 
 /** Least number of photographs from which the server estimates poses. */
-const leastForPoses = 3;
+export const leastForPoses = 3;
 /** Least number of photographs that show depth. */
 const leastForDepth = 2;
-/** Number of names in a sentence; more would fill the screen. */
-const mostNames = 5;
-
-function namesText(paths: readonly string[]): string {
-  const shown = paths.slice(0, mostNames).join(', ');
-  return paths.length > mostNames ? `${shown} and ${paths.length - mostNames} more` : shown;
-}
-
 function notPicturesText(paths: readonly string[]): string {
   if (paths.length === 0) return '';
   return `Left out, because the content is not a photograph or a video: ${namesText(paths)}.`;

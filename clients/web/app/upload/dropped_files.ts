@@ -29,9 +29,16 @@ async function walk(entry: FileSystemEntry, into: DroppedFile[]): Promise<void> 
 
 export async function filesOfDrop(transfer: DataTransfer): Promise<DroppedFile[]> {
   // Taken now, because the list is empty after the event.
-  const entries = Array.from(transfer.items, (item) => item.webkitGetAsEntry());
+  const items = Array.from(transfer.items, (item) => ({
+    entry: item.webkitGetAsEntry(),
+    file: item.getAsFile(),
+  }));
   const files: DroppedFile[] = [];
-  for (const entry of entries) if (entry) await walk(entry, files);
+  for (const { entry, file } of items) {
+    if (entry) await walk(entry, files);
+    // Files that another page made are in no file system.
+    else if (file) files.push({ path: file.name, file });
+  }
   return files;
 }
 

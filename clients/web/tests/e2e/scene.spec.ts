@@ -1,6 +1,7 @@
 // A scene from dropped photographs to a PLY, in Chromium, against a server that the test starts.
+import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { fromBinary, toBinary } from '@bufbuild/protobuf';
+import { create, fromBinary, toBinary } from '@bufbuild/protobuf';
 import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
 import { testEverything } from './everything_tests';
@@ -25,7 +26,8 @@ import {
 } from './on_screen';
 import { testPrompts } from './prompt_tests';
 import { testThings } from './things_tests';
-import { ModelSchema } from '../../gen/pepeseg/v1/scene_service_pb';
+import { testTraining } from './training_tests';
+import { ListScenesResponseSchema, ModelSchema } from '../../gen/pepeseg/v1/scene_service_pb';
 import { Stack, artefacts, shelf } from './stack';
 
 test.describe.configure({ mode: 'serial' });
@@ -66,14 +68,53 @@ test.afterEach(() => {
 
 const pictures = (name: string) => picturesOf(page, name);
 
-test('an empty server says that there are no scenes', async () => {
+test('an empty server says what to do, and takes photographs anywhere on the screen', async () => {
   await page.goto(stack.url);
-  await expect(page.getByText('There are no scenes yet')).toBeVisible();
+  const steps = page.getByRole('region', { name: 'Your first scene' }).getByRole('listitem');
+  await expect(steps.getByRole('strong')).toHaveText(['Drop photographs', 'Wait', 'Click']);
+  // Its scene is made by `make demo`.
+  await expect(page.getByText('Open the sample')).toHaveCount(0);
   await pictures('scenes-empty');
+  const dropped = ['a.jpg', 'b.jpg', 'c.jpg', 'd.jpg'].map((name, i) => ({
+    name,
+    bytes: [...readFileSync(join(shelf, 'images', i === 3 ? 'frame-000000.jpg' : `frame-00000${i}.jpg`))],
+  }));
+  await page.evaluate((files) => {
+    const transfer = new DataTransfer();
+    for (const { name, bytes } of files) {
+      transfer.items.add(new File([new Uint8Array(bytes)], name, { type: 'image/jpeg' }));
+    }
+    const drop = { dataTransfer: transfer, bubbles: true, cancelable: true };
+    document.querySelector('h1')?.dispatchEvent(new DragEvent('drop', drop));
+  }, dropped);
+  await expect(page).toHaveURL(/\/new$/);
+  await expect(page.getByText(/^4 photographs:/)).toBeVisible();
+  // The server takes them: this is advice.
+  await expect(page.getByText('Only 4 photographs: twenty or more')).toBeVisible();
+  await expect(page.getByText('Copies of other photographs, which add nothing: images/d.jpg.')).toBeVisible();
+  await expect(page.locator('.note.good')).toHaveCount(0);
+  await page.getByLabel('Name').fill('Kitchen shelf');
+  await expect(page.getByRole('button', { name: 'Upload and train' })).toBeEnabled();
+  await pictures('new-scene-advice');
+});
+
+test('a server with the sample scene only opens it', async () => {
+  const sample = { name: 'scenes/demo', displayName: 'demo', liveModel: 'scenes/demo/models/1' };
+  const listed = create(ListScenesResponseSchema, { scenes: [sample] });
+  await page.route('**/*SceneService/ListScenes', async (route) => {
+    const response = await route.fetch();
+    await route.fulfill({ response, body: Buffer.from(toBinary(ListScenesResponseSchema, listed)) });
+  });
+  await page.goto(stack.url);
+  const sampleLink = page.getByRole('link', { name: 'Open the sample' });
+  await expect(sampleLink).toHaveAttribute('href', '/scenes/demo');
+  await expect(page.getByRole('heading', { name: 'demo' })).toBeVisible();
+  await pictures('scenes-sample');
+  await page.unroute('**/*SceneService/ListScenes');
 });
 
 test('too few photographs, and files that are not photographs, get no green tick', async () => {
-  await page.getByRole('link', { name: 'Make the first scene' }).click();
+  await page.goto(`${stack.url}/new`);
   const tick = page.locator('.note.good');
   const send = page.getByRole('button', { name: 'Upload and train' });
   await page.setInputFiles('#files', join(shelf, 'images', view));
@@ -97,7 +138,7 @@ test('an upload resumes after a reload', async () => {
   await expect(page.getByRole('button', { name: 'Preview' })).toHaveAttribute('aria-pressed', 'true');
   await page.getByText('Steps and size').click();
   await page.getByLabel('Steps of reconstruction').fill(process.env.PEPESEG_STEPS ?? '1200');
-  await page.getByLabel('Steps of features').fill(process.env.PEPESEG_FEATURE_STEPS ?? '900');
+  await page.getByLabel('Steps of features').fill(process.env.PEPESEG_FEATURE_STEPS ?? '6000');
   await pictures('new-scene');
 
   const network = await context.newCDPSession(page);
@@ -127,32 +168,7 @@ test('an upload resumes after a reload', async () => {
   expect(numSent).toBeLessThanOrEqual(49 + 3);
 });
 
-test('a training is followed after a reload and a restart of the server', async () => {
-  test.setTimeout(1_200_000);
-  const psnr = page.locator('.curve', { hasText: 'PSNR' });
-  const numSamples = async () => Number(await psnr.getAttribute('data-samples'));
-  await expect.poll(numSamples, { timeout: 300_000 }).toBeGreaterThan(4);
-  const before = await numSamples();
-  const first = (await psnr.getAttribute('data-first')) ?? '';
-  const picture = page.getByRole('img', { name: /as it is being trained: step [\d,]+ of [\d,]+$/ });
-  await expect(picture).toBeVisible();
-  await expect(page.locator('.training-picture figcaption')).toHaveText(/^step .* of .*, after \d+ s$/);
-  await page.reload();
-  // The page keeps earlier events in its store, because the server sends each one once.
-  await expect(picture).toBeVisible();
-  await expect(picture).toHaveJSProperty('complete', true);
-  await expect.poll(numSamples, { timeout: 30_000 }).toBeGreaterThanOrEqual(before);
-  await expect(psnr).toHaveAttribute('data-first', first);
-  await pictures('training');
-
-  await stack.killServer();
-  await expect(page.getByText('The server does not answer.')).toBeVisible({ timeout: 30_000 });
-  await screenshot(page, 'server-away-1440');
-  await stack.startServer();
-  await expect(page.getByText('The server does not answer.')).toBeHidden({ timeout: 30_000 });
-  await expect(page.getByText('The scene is ready.')).toBeVisible({ timeout: 1_100_000 });
-  await pictures('training-done');
-});
+testTraining(() => ({ stack, page }));
 
 test('a click segments the book, in all views', async () => {
   test.setTimeout(300_000);

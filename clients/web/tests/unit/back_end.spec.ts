@@ -2,6 +2,7 @@ import { accessSync, constants } from 'node:fs';
 import type { IncomingMessage } from 'node:http';
 import { createServer } from 'node:http';
 import type { AddressInfo } from 'node:net';
+import { create } from '@bufbuild/protobuf';
 import { Code, ConnectError } from '@connectrpc/connect';
 import { expect, test } from '@playwright/test';
 import { ConfigError, readConfig } from '../../server/config';
@@ -12,7 +13,14 @@ import { resourceOf } from '../../server/proxy';
 import { passedOn } from '../../server/passed_on';
 import { getPhoto, photographRequest } from '../../server/photo';
 import { PixelFrame } from '../../gen/pepeseg/v1/prompt_pb';
+import { cacheControl } from '../../server/answer';
 import { routing } from '../../server/channel';
+import { learnScenes } from '../../server/job_scenes';
+import {
+  JobEventSchema,
+  JobSchema,
+  ListJobsResponseSchema,
+} from '../../gen/pepeseg/v1/job_service_pb';
 
 function request(headers: Record<string, string>): IncomingMessage {
   return { headers } as unknown as IncomingMessage;
@@ -95,6 +103,30 @@ test('calls carry the scene for the gateway', () => {
     'x-scene': 'b',
   });
   expect(routing(message({ name: 'jobs/j1' }))).toEqual({});
+});
+
+test('a job’s calls are routed by its scene, once an answer has named that', () => {
+  const scene = 'scenes/a';
+  const headersOf = (model: string) => routing(resourceOf({ $typeName: 'x', model } as never));
+  learnScenes(create(JobSchema, { name: 'jobs/seen', scene }));
+  learnScenes(create(ListJobsResponseSchema, { jobs: [{ name: 'jobs/listed', scene }] }));
+  const snapshot = { case: 'snapshot', value: create(JobSchema, { name: 'jobs/watched', scene }) } as const;
+  learnScenes(create(JobEventSchema, { event: snapshot }));
+  for (const job of ['seen', 'listed', 'watched']) {
+    expect(headersOf(`jobs/${job}`)).toEqual({ 'x-scene': 'a' });
+  }
+  expect(headersOf('jobs/unseen')).toEqual({});
+  // Old jobs are forgotten, from the oldest on.
+  for (let i = 0; i < 999; ++i) learnScenes(create(JobSchema, { name: `jobs/n${i}`, scene }));
+  expect(headersOf('jobs/listed')).toEqual({});
+  expect(headersOf('jobs/watched')).toEqual({ 'x-scene': 'a' });
+});
+
+test('browsers keep what is made of a model, not of what changes', () => {
+  expect(cacheControl('scenes/a/models/1')).toContain('immutable');
+  expect(cacheControl('scenes/a/datasets/1')).toContain('immutable');
+  expect(cacheControl('scenes/a/models/live')).toBe('no-store');
+  expect(cacheControl('jobs/j1')).toBe('no-store');
 });
 
 test('a lost connection is not a cancellation', () => {

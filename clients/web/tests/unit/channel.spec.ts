@@ -30,6 +30,7 @@ test('a refused call is repeated', async () => {
 test('a call is not repeated if waiting does not help', async () => {
   const useless = [
     putOff('DRAINING'),
+    putOff('NO_SNAPSHOT'),
     putOff('QUOTA', 0.001, Code.ResourceExhausted),
     new ConnectError('connect ECONNREFUSED', Code.Unavailable),
   ];
