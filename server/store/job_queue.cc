@@ -122,28 +122,33 @@ std::vector<int64_t> SelectClaimable(soci::session& sql, const Quota& defaults,
   const int64_t expired = claims == JobQueue::Claims::kAll ? now : 0;
   const int least_preview = claims == JobQueue::Claims::kPreviews ? 1 : 0;
   const int64_t most = defaults.running_jobs > 0 ? defaults.running_jobs : kNever;
-  std::vector<int64_t> numbers(static_cast<size_t>(limit));
-  sql << "SELECT jobs.number FROM jobs JOIN scenes ON scenes.id = jobs.scene LEFT JOIN ("
-         "SELECT s.project AS project, SUM(CASE WHEN r.state = 1 THEN 1 ELSE 0 END) AS running,"
-         " SUM(CASE WHEN r.state = 1 THEN :now1 ELSE r.end_time END -"
-         " CASE WHEN r.start_time > :since1 THEN r.start_time ELSE :since2 END) AS used"
-         " FROM jobs r JOIN scenes s ON s.id = r.scene"
-         " WHERE r.start_time > 0 AND (r.state = 1 OR r.end_time > :since3) GROUP BY s.project"
-         ") shares ON shares.project = scenes.project"
-         " WHERE (jobs.state = 1 AND jobs.lease_end < :expired) OR (jobs.state = 0 AND"
-         " jobs.preview >= :least_preview AND jobs.not_before <= :now3 AND scenes.project NOT IN ("
-         "SELECT s.project FROM jobs r JOIN scenes s ON s.id = r.scene"
-         " LEFT JOIN projects p ON p.id = s.project WHERE r.state = 1 GROUP BY s.project"
-         " HAVING COUNT(*) >= COALESCE(NULLIF(MAX(p.running_jobs), 0), :most)))"
-         " ORDER BY CASE WHEN jobs.state = 1 THEN 0 WHEN jobs.put_backs > 0 THEN 1"
-         " WHEN jobs.preview = 1 OR jobs.create_time < :long_ago THEN 2 ELSE 3 END,"
-         " COALESCE(shares.running, 0),"
-         " COALESCE(shares.used, 0), jobs.number LIMIT :limit"
-      << lock,
-      soci::use(now), soci::use(since), soci::use(since), soci::use(since), soci::use(expired),
-      soci::use(least_preview), soci::use(now), soci::use(most), soci::use(long_ago),
-      soci::use(limit), soci::into(numbers);
-  if (!sql.got_data()) numbers.clear();
+  int64_t number = 0;
+  soci::statement select =
+      (sql.prepare
+           << "SELECT jobs.number FROM jobs JOIN scenes ON scenes.id = jobs.scene LEFT JOIN ("
+              "SELECT s.project AS project, SUM(CASE WHEN r.state = 1 THEN 1 ELSE 0 END)"
+              " AS running, SUM(CASE WHEN r.state = 1 THEN :now1 ELSE r.end_time END -"
+              " CASE WHEN r.start_time > :since1 THEN r.start_time ELSE :since2 END) AS used"
+              " FROM jobs r JOIN scenes s ON s.id = r.scene"
+              " WHERE r.start_time > 0 AND (r.state = 1 OR r.end_time > :since3) GROUP BY s.project"
+              ") shares ON shares.project = scenes.project"
+              " WHERE (jobs.state = 1 AND jobs.lease_end < :expired) OR (jobs.state = 0 AND"
+              " jobs.preview >= :least_preview AND jobs.not_before <= :now3"
+              " AND scenes.project NOT IN (SELECT s.project FROM jobs r JOIN scenes s ON s.id = "
+              "r.scene"
+              " LEFT JOIN projects p ON p.id = s.project WHERE r.state = 1 GROUP BY s.project"
+              " HAVING COUNT(*) >= COALESCE(NULLIF(MAX(p.running_jobs), 0), :most)))"
+              " ORDER BY CASE WHEN jobs.state = 1 THEN 0 WHEN jobs.put_backs > 0 THEN 1"
+              " WHEN jobs.preview = 1 OR jobs.create_time < :long_ago THEN 2 ELSE 3 END,"
+              " COALESCE(shares.running, 0),"
+              " COALESCE(shares.used, 0), jobs.number LIMIT :limit"
+           << lock,
+       soci::use(now), soci::use(since), soci::use(since), soci::use(since), soci::use(expired),
+       soci::use(least_preview), soci::use(now), soci::use(most), soci::use(long_ago),
+       soci::use(limit), soci::into(number));
+  select.execute();
+  std::vector<int64_t> numbers;
+  while (select.fetch()) numbers.push_back(number);
   return numbers;
 }
 
