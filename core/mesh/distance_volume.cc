@@ -12,11 +12,10 @@
 namespace pepeseg {
 namespace {
 
-constexpr int kBorderVoxels = 3;         // on each side of the box
-constexpr double kTruncationVoxels = 4;  // Curless and Levoy: more than the error of the depths
-constexpr float kColorBand = 0.5f;       // truncations from the surface that have its colour
-constexpr int kMaxPixelWeight = 64;      // of a pixel that faces its camera
-constexpr int kMostWeight = 60'000;      // after which a mean follows new values
+constexpr int kBorderVoxels = 3;     // on each side of the box
+constexpr float kColorBand = 0.5f;   // truncations from the surface that have its colour
+constexpr int kMaxPixelWeight = 64;  // of a pixel that faces its camera
+constexpr int kMostWeight = 60'000;  // after which a mean follows new values
 constexpr int kMostColors = 255;
 constexpr float kLeastCosine = 0.1f;
 // A vertex keeps this share of its edge from both ends, so that no triangle is a point.
@@ -73,14 +72,13 @@ absl::StatusOr<VoxelGrid> GridOf(const Eigen::Vector3d& min, const Eigen::Vector
   return grid;
 }
 
-DistanceVolume::DistanceVolume(const VoxelGrid& grid, ThreadPool& pool)
+DistanceVolume::DistanceVolume(const VoxelGrid& grid, ThreadPool& pool, double truncation)
     : grid_(grid),
       pool_(pool),
+      truncation_(std::max(truncation, kTruncationVoxels * grid.voxel)),
       distance_(static_cast<size_t>(grid.num_voxels()), -1.0f),
       weight_(distance_.size()),
       color_(distance_.size()) {}
-
-double DistanceVolume::truncation() const { return kTruncationVoxels * grid_.voxel; }
 
 DistanceVolume::Pixels DistanceVolume::PixelsOf(const Viewpoint& view,
                                                 std::span<const float> depth) const {
@@ -170,7 +168,8 @@ void DistanceVolume::ForEachSeen(const Pixels& pixels, Body body) {
   });
 }
 
-void DistanceVolume::Fuse(const Viewpoint& view, std::span<const float> depth, const Image& color) {
+void DistanceVolume::Fuse(const Viewpoint& view, std::span<const float> depth, const Image& color,
+                          bool empty_is_outside) {
   const Pixels pixels = PixelsOf(view, depth);
   const auto scale = static_cast<float>(1 / truncation());
   // The depth of the surface at a point of the picture.
@@ -192,6 +191,7 @@ void DistanceVolume::Fuse(const Viewpoint& view, std::span<const float> depth, c
   ForEachSeen(pixels, [&](size_t voxel, size_t pixel, float px, float py, float z) {
     const Pixels::Kind kind = pixels.kind[pixel];
     if (kind == Pixels::Kind::kUnknown) return;
+    if (kind == Pixels::Kind::kEmpty && !empty_is_outside) return;
     float value = 1;
     int weight = kMaxPixelWeight;
     if (kind == Pixels::Kind::kSurface) {
@@ -250,10 +250,11 @@ class DistanceVolume::Extraction {
       first_triangle[z + 1] += first_triangle[z];
     }
     const int64_t num_vertices = first_vertex.back();
-    if (num_vertices > kMaxSurfaceVertices) {
-      return absl::ResourceExhaustedError(absl::StrCat("the mesh has ", num_vertices,
-                                                       " vertices, more than ", kMaxSurfaceVertices,
-                                                       "; ask for fewer voxels"));
+    const int64_t most = volume_.grid_.MaxVertices();
+    if (num_vertices > most) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("the surface has ", num_vertices, " vertices, more than the ", most,
+                       " that a volume of this size may have; mesh a part of the scene"));
     }
     Surface surface;
     surface.mesh.positions.resize(static_cast<size_t>(num_vertices));

@@ -18,6 +18,9 @@ constexpr double kBoxMargin = 0.05;          // of the side, added at both ends
 constexpr float kMinOpacityLogit = -2.197f;  // of an opacity of 0.1: fainter Gaussians do not count
 // Pixels on a voxel in the middle of the box: more of them show nothing more, and cost time.
 constexpr double kPixelsPerVoxel = 2;
+// Errors of rendered depths, of the distance of the views: the shelf of the demo has holes in its
+// things at less.
+constexpr double kDepthError = 0.03;
 // Views from all around: their distance in radii of the box, and size, pixels.
 constexpr double kOutsideDistance = 3;
 constexpr int kMaxOutsideSide = 1024;
@@ -72,6 +75,16 @@ Eigen::Vector3d MiddleOf(const VoxelGrid& grid) {
   return grid.first + grid.voxel / 2 * size;
 }
 double RadiusOf(const VoxelGrid& grid) { return (MiddleOf(grid) - grid.first).norm(); }
+
+// Returns the median distance of the views that see the grid; 0: there are none.
+double DistanceOf(const Model& model, const VoxelGrid& grid) {
+  std::vector<float> distances;
+  for (const ModelView& view : model.views) {
+    if (!MaySee(view, MiddleOf(grid), RadiusOf(grid))) continue;
+    distances.push_back(static_cast<float>((view.cam_from_world * MiddleOf(grid)).norm()));
+  }
+  return distances.empty() ? 0 : Quantile(distances, 0.5);
+}
 
 // Returns cameras around a ball, in the directions of the faces, edges and corners of a cube.
 std::vector<ModelView> OutsideViews(const VoxelGrid& grid, double scene_radius) {
@@ -140,7 +153,7 @@ absl::StatusOr<VoxelGrid> GridOfMesh(const Model& model, const GaussianSet* subs
 
 int64_t BytesOfMesh(const VoxelGrid& grid, const Model& model) {
   const int64_t outside = int64_t{kMaxOutsideSide} * kMaxOutsideSide;
-  return grid.num_voxels() * kVoxelBytes +
+  return grid.num_voxels() * kVoxelBytes + grid.MaxVertices() * kSurfaceVertexBytes +
          std::max(outside, LargestView(model.views)) * kPixelBytes;
 }
 
@@ -150,13 +163,14 @@ absl::StatusOr<TriangleMesh> MakeMesh(const Segmenter& segmenter, const Gaussian
   const Model& model = segmenter.model();
   ASSIGN_OR_RETURN(const VoxelGrid grid, GridOfMesh(model, subset, options.voxels));
   const Eigen::Vector3d middle = MiddleOf(grid);
-  DistanceVolume volume(grid, pool);
+  DistanceVolume volume(grid, pool, kDepthError * DistanceOf(model, grid));
   for (const ModelView& full : model.views) {
     if (!MaySee(full, middle, RadiusOf(grid))) continue;
     const ModelView view = Shrunk(full, grid, middle);
     ASSIGN_OR_RETURN(const std::vector<float> depth, segmenter.RenderDepth(view, subset));
     ASSIGN_OR_RETURN(const Image color, segmenter.RenderColor(view, subset));
-    volume.Fuse(view, depth, color);
+    // A scene has dark places that need no Gaussians, which are no way through it.
+    volume.Fuse(view, depth, color, /*empty_is_outside=*/subset != nullptr);
     RETURN_IF_ERROR(check());
   }
   if (options.watertight) {

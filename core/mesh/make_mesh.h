@@ -25,8 +25,8 @@ struct MeshOptions {
 // model.
 absl::StatusOr<VoxelGrid> GridOfMesh(const Model& model, const GaussianSet* subset, int voxels);
 
-// Returns an upper bound of the host's memory that MakeMesh takes for a grid, bytes, but for the
-// surface, whose size is not known before: the volume and a view.
+// Returns an upper bound of the host's memory that MakeMesh takes for a grid, bytes: the volume, a
+// view and the largest surface.
 int64_t BytesOfMesh(const VoxelGrid& grid, const Model& model);
 
 // Makes a mesh of a subset of the Gaussians; null: of all. Fuses the depth and the colours that the
@@ -36,7 +36,7 @@ int64_t BytesOfMesh(const VoxelGrid& grid, const Model& model);
 // The device is used once for each view; everything else runs on `pool`, and does not depend on its
 // number of threads. Calls `check` after each view; an error that it returns ends the work with
 // that error. Other errors are those of GridOfMesh, FindSurface and Segmenter::RenderDepth;
-// FAILED_PRECONDITION: no view shows a surface.
+// FAILED_PRECONDITION: the views show no surface.
 absl::StatusOr<TriangleMesh> MakeMesh(const Segmenter& segmenter, const GaussianSet* subset,
                                       const MeshOptions& options, ThreadPool& pool,
                                       absl::FunctionRef<absl::Status()> check);

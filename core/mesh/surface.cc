@@ -46,6 +46,12 @@ void ForEachNeighbour(const TriangleMesh& mesh, Body body) {
 
 }  // namespace
 
+int64_t BytesOfTriangles(const TriangleMesh& mesh) {
+  constexpr int64_t kVertexBytes = 2 * sizeof(Eigen::Vector3f) + 3;
+  return mesh.num_vertices() * kVertexBytes +
+         mesh.num_triangles() * static_cast<int64_t>(sizeof(mesh.triangles[0]));
+}
+
 void DropIslands(double min_share, Surface& surface) {
   TriangleMesh& mesh = surface.mesh;
   std::vector<uint32_t> parents(static_cast<size_t>(mesh.num_vertices()));

@@ -7,8 +7,9 @@
 
 namespace pepeseg {
 
-// Largest number of vertices of a surface.
-inline constexpr int64_t kMaxSurfaceVertices = 40'000'000;
+// Bytes of a surface for each vertex, with about two triangles, and of what the functions below
+// find of it.
+inline constexpr int64_t kSurfaceVertexBytes = 100;
 
 // A mesh, without normals, and what is known of its vertices.
 struct Surface {
@@ -16,6 +17,9 @@ struct Surface {
   std::vector<uint8_t> is_seen;    // [num_vertices] 0: next to a voxel that no view has seen
   std::vector<uint8_t> has_color;  // [num_vertices]
 };
+
+// Returns the memory of a mesh, bytes.
+int64_t BytesOfTriangles(const TriangleMesh& mesh);
 
 // Removes the connected parts with fewer triangles than `min_share` of those of the largest part,
 // and vertices without triangles.
