@@ -184,6 +184,55 @@ TEST(DistanceVolume, LeavesOutPixelsWhereTheDepthJumps) {
   }
 }
 
+// A wall that two views show, and a third one from the same place shows nothing.
+double DepthOfWall(bool empty_is_outside) {
+  View view;
+  view.camera = {.width = 64, .height = 64, .fx = 64, .fy = 64, .cx = 32, .cy = 32};
+  const std::vector<float> depth(64 * 64, 2.0f), nothing(64 * 64);
+  const Image color = {64, 64, 3, std::vector<uint8_t>(3 * depth.size())};
+  ThreadPool pool(2);
+  const auto grid = GridOf({-0.5, -0.5, 1.5}, {0.5, 0.5, 2.5}, 32);
+  EXPECT_TRUE(grid.ok());
+  DistanceVolume volume(*grid, pool);
+  volume.Fuse(view, depth, color);
+  volume.Fuse(view, depth, color);
+  volume.Fuse(view, nothing, color, empty_is_outside);
+  const auto found = volume.FindSurface(/*watertight=*/false);
+  EXPECT_TRUE(found.ok());
+  double sum = 0;
+  for (const Eigen::Vector3f& at : found->mesh.positions) sum += at.z();
+  return found->mesh.positions.empty() ? 0 : sum / static_cast<double>(found->mesh.num_vertices());
+}
+
+TEST(DistanceVolume, TakesEmptyPixelsForFreeSpaceOnlyOfThingsThatAreAlone) {
+  EXPECT_NEAR(DepthOfWall(/*empty_is_outside=*/false), 2, 1e-3);
+  const double moved = DepthOfWall(/*empty_is_outside=*/true);
+  EXPECT_TRUE(moved == 0 || moved > 2.02) << moved;
+}
+
+// Depths of two views that differ by more than four voxels.
+TEST(DistanceVolume, JoinsDepthsThatDifferByLessThanItsTruncation) {
+  View view;
+  view.camera = {.width = 64, .height = 64, .fx = 64, .fy = 64, .cx = 32, .cy = 32};
+  const std::vector<float> near(64 * 64, 1.9f), far(64 * 64, 2.1f);
+  const Image color = {64, 64, 3, std::vector<uint8_t>(3 * near.size())};
+  ThreadPool pool(2);
+  const auto grid = GridOf({-0.5, -0.5, 1.5}, {0.5, 0.5, 2.5}, 32);
+  ASSERT_TRUE(grid.ok());
+  DistanceVolume volume(*grid, pool, 0.4);
+  EXPECT_EQ(volume.truncation(), 0.4);
+  EXPECT_EQ(DistanceVolume(*grid, pool, 0.01).truncation(), 4 * grid->voxel);
+  volume.Fuse(view, near, color);
+  volume.Fuse(view, far, color);
+  const auto found = volume.FindSurface(/*watertight=*/false);
+  ASSERT_TRUE(found.ok());
+  EXPECT_GT(found->mesh.num_vertices(), 500);
+  for (const Eigen::Vector3f& at : found->mesh.positions) {
+    EXPECT_GT(at.z(), 1.95);
+    EXPECT_LT(at.z(), 2.1);
+  }
+}
+
 TEST(VoxelGrid, HasTheVoxelsOnTheLongestSide) {
   const auto grid = GridOf({0, 0, 0}, {2, 1, 0.5}, 100);
   ASSERT_TRUE(grid.ok());
