@@ -12,8 +12,6 @@ namespace pepeseg {
 inline constexpr int kGltfFloat = 5126, kGltfUnsignedByte = 5121, kGltfUnsignedShort = 5123,
                      kGltfUnsignedInt = 5125, kGltfArrayBuffer = 34962,
                      kGltfElementArrayBuffer = 34963;
-// Most bytes of a GLB: its length is 32 bits.
-inline constexpr int64_t kMaxGlbBytes = (int64_t{1} << 32) - 1;
 
 // Returns everything of a GLB in front of `num_bytes` of its buffer, a multiple of 4. `json`: its
 // description.
