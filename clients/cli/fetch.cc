@@ -5,7 +5,6 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "absl/strings/ascii.h"
@@ -149,22 +148,6 @@ absl::Status RunLabelExport(const Shell& shell, const ExportFlags& flags) {
   return absl::OkStatus();
 }
 
-// Writes what to add to the positions of the file to FILE.origin.json, and returns that
-// name. Returns an empty name, and removes the file of an earlier export, if it is zero.
-absl::StatusOr<std::string> WriteOrigin(const v1::ExportGaussiansResponse::Header& header,
-                                        const std::string& file) {
-  const std::string path = file + ".origin.json";
-  if (!header.has_origin()) {
-    std::error_code ignored;
-    std::filesystem::remove(path, ignored);
-    return std::string();
-  }
-  const v1::Vector3& origin = header.origin();
-  const nlohmann::ordered_json json = {{"origin", {origin.x(), origin.y(), origin.z()}}};
-  RETURN_IF_ERROR(WriteFile(path, json.dump() + "\n"));
-  return path;
-}
-
 // Writes what the segments' ids in an export mean to FILE.segments.json: the segments of each level
 // with their parents, sizes and boxes.
 absl::Status WriteSegmentsOf(const Client& client,
@@ -207,7 +190,8 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
   const Client client(shell.channel);
   ASSIGN_OR_RETURN(const v1::ExportGaussiansResponse::Header header,
                    client.Export(request, flags.file));
-  ASSIGN_OR_RETURN(const std::string origin, WriteOrigin(header, flags.file));
+  ASSIGN_OR_RETURN(const std::string origin,
+                   WriteOrigin(header.has_origin() ? &header.origin() : nullptr, flags.file));
   if (flags.segment_ids) RETURN_IF_ERROR(WriteSegmentsOf(client, header, flags));
   if (shell.json) {
     PrintJson(header);

@@ -29,6 +29,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   AddFind(app, shell);
   AddDecompose(app, shell);
   AddExport(app, shell);
+  AddMesh(app, shell);
   AddResidents(app, shell);
   AddKeys(app, shell);
   AddQuota(app, shell);

@@ -1,11 +1,15 @@
 #include "clients/cli/request_flags.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <system_error>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 #include "clients/terminal/flags.h"
 
@@ -168,6 +172,18 @@ absl::StatusOr<v1::Subset> ParseSubset(const SubsetFlags& flags, const std::stri
     return absl::InvalidArgumentError("--without needs --selection or --segment");
   }
   return subset;
+}
+
+absl::StatusOr<std::string> WriteOrigin(const v1::Vector3* origin, const std::string& file) {
+  const std::string path = file + ".origin.json";
+  if (origin == nullptr) {
+    std::error_code ignored;
+    std::filesystem::remove(path, ignored);
+    return std::string();
+  }
+  const nlohmann::ordered_json json = {{"origin", {origin->x(), origin->y(), origin->z()}}};
+  RETURN_IF_ERROR(WriteFile(path, json.dump() + "\n"));
+  return path;
 }
 
 }  // namespace pepeseg::client::cli

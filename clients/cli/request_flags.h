@@ -60,4 +60,8 @@ void AddSubsetFlags(CLI::App& verb, SubsetFlags& flags);
 // --without is given without a selection or a segment.
 absl::StatusOr<v1::Subset> ParseSubset(const SubsetFlags& flags, const std::string& scene);
 
+// Writes what to add to the positions of an exported file to FILE.origin.json, and returns that
+// name. Without an origin it returns an empty name, and removes the file of an earlier export.
+absl::StatusOr<std::string> WriteOrigin(const v1::Vector3* origin, const std::string& file);
+
 }  // namespace pepeseg::client::cli

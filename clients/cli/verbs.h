@@ -30,6 +30,7 @@ void AddSelections(CLI::App& app, Shell& shell);
 void AddCombine(CLI::App& app, Shell& shell);
 void AddDecompose(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
+void AddMesh(CLI::App& app, Shell& shell);
 void AddResidents(CLI::App& app, Shell& shell);  // resident, load, unload, pin
 void AddKeys(CLI::App& app, Shell& shell);       // key-create, key-list, key-revoke
 void AddQuota(CLI::App& app, Shell& shell);

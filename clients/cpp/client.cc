@@ -22,7 +22,6 @@ using Labels = v1::LabelService::Stub;
 using Selections = v1::SelectionService::Stub;
 using Rendering = v1::RenderService::Stub;
 using Evaluation = v1::EvaluationService::Stub;
-using Header = v1::ExportGaussiansResponse::Header;
 
 constexpr int kMaxWatchRetries = 10;  // in a row without an event
 constexpr auto kRetryPause = std::chrono::seconds(3);
@@ -80,12 +79,13 @@ bool IsAway(const absl::Status& status) {
 
 // Appends the chunks of an export to `file` and returns its header, the first message of the
 // stream. DATA_LOSS: the whole fails its size or SHA-256.
-absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportGaussiansResponse>& stream,
-                               OutputFile& file) {
-  Header header;
+template <typename Response>
+absl::StatusOr<typename Response::Header> Receive(grpc::ClientReader<Response>& stream,
+                                                  OutputFile& file) {
+  typename Response::Header header;
   Sha256 sha256;
   int64_t size = 0;
-  v1::ExportGaussiansResponse part;
+  Response part;
   while (stream.Read(&part)) {
     if (part.has_header()) header = part.header();
     if (!part.has_chunk()) continue;
@@ -102,16 +102,24 @@ absl::StatusOr<Header> Receive(grpc::ClientReader<v1::ExportGaussiansResponse>& 
   return header;
 }
 
-// Exports to `file`. A stream that the server puts off has sent nothing, so that it can be repeated
-// into the same file; one that has sent bytes is not repeated.
-absl::StatusOr<Header> ReceiveAll(Rendering& rendering, const v1::ExportGaussiansRequest& request,
-                                  OutputFile& file) {
+// Exports to `file` with a method of `rendering`. A stream that the server puts off has sent
+// nothing, so that it can be repeated into the same file; one that has sent bytes is not repeated.
+template <typename Request, typename Response>
+absl::StatusOr<typename Response::Header> ReceiveAll(
+    Rendering& rendering,
+    std::unique_ptr<grpc::ClientReader<Response>> (Rendering::*method)(grpc::ClientContext*,
+                                                                       const Request&),
+    const Request& request, const std::string& path) {
+  ASSIGN_OR_RETURN(OutputFile file, OutputFile::Create(path));
   const RetryBudget retries(kCallSeconds);
   while (true) {
     // No deadline: a large export takes as long as it takes.
     Call call(SceneOf(request.model()), 0);
-    absl::StatusOr<Header> header = Receive(*rendering.ExportGaussians(call, request), file);
-    if (header.ok()) return header;
+    auto header = Receive(*(rendering.*method)(call, request), file);
+    if (header.ok()) {
+      RETURN_IF_ERROR(file.Commit());
+      return header;
+    }
     call.Cancel();
     if (file.num_bytes() > 0 || !retries.WaitAfter(header.status())) return header.status();
   }
@@ -281,12 +289,14 @@ absl::StatusOr<v1::RenderViewResponse> Client::Render(const v1::RenderViewReques
   return Ask(*rendering_, &Rendering::RenderView, SceneOf(request.model()), request);
 }
 
-absl::StatusOr<Header> Client::Export(const v1::ExportGaussiansRequest& request,
-                                      const std::string& file) const {
-  ASSIGN_OR_RETURN(OutputFile output, OutputFile::Create(file));
-  ASSIGN_OR_RETURN(const Header header, ReceiveAll(*rendering_, request, output));
-  RETURN_IF_ERROR(output.Commit());
-  return header;
+absl::StatusOr<v1::ExportGaussiansResponse::Header> Client::Export(
+    const v1::ExportGaussiansRequest& request, const std::string& file) const {
+  return ReceiveAll(*rendering_, &Rendering::ExportGaussians, request, file);
+}
+
+absl::StatusOr<v1::ExportMeshResponse::Header> Client::ExportMesh(
+    const v1::ExportMeshRequest& request, const std::string& file) const {
+  return ReceiveAll(*rendering_, &Rendering::ExportMesh, request, file);
 }
 
 absl::StatusOr<v1::Label> Client::CreateLabel(v1::CreateLabelRequest request) const {

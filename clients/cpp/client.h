@@ -120,6 +120,9 @@ class Client {
   // bytes are there and match their SHA-256; otherwise: DATA_LOSS.
   absl::StatusOr<v1::ExportGaussiansResponse::Header> Export(
       const v1::ExportGaussiansRequest& request, const std::string& file) const;
+  // Does the same with a mesh of it, which the server makes in seconds.
+  absl::StatusOr<v1::ExportMeshResponse::Header> ExportMesh(const v1::ExportMeshRequest& request,
+                                                            const std::string& file) const;
 
   // Labels and selections; arguments and results have resource names.
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/formats/glb_parts.h"
 #include "core/formats/y_up.h"
 #include "nlohmann/json.hpp"
 
@@ -17,10 +18,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr char kExtension[] = "KHR_gaussian_splatting";
-// Numbers of glTF 2.0.
-constexpr int kFloat = 5126, kUnsignedByte = 5121, kArrayBuffer = 34962, kPoints = 0;
-constexpr size_t kPartHeaderBytes = 8;  // of a chunk: its length and type
-constexpr size_t kFileHeaderBytes = 12;
+constexpr int kPoints = 0;              // a mode of glTF 2.0
 constexpr float kShBase = 0.28209479f;  // the basis function of degree 0
 
 // The attributes of a row, in their order.
@@ -72,7 +70,7 @@ Json SceneOf(const std::vector<Attribute>& attributes, int64_t count, const Box&
     names[attribute.name] = accessors.size();
     Json accessor = {{"bufferView", 0},
                      {"byteOffset", offset},
-                     {"componentType", attribute.is_bytes ? kUnsignedByte : kFloat},
+                     {"componentType", attribute.is_bytes ? kGltfUnsignedByte : kGltfFloat},
                      {"count", count},
                      {"type", attribute.type}};
     if (attribute.is_bytes) accessor["normalized"] = true;
@@ -107,40 +105,14 @@ Json SceneOf(const std::vector<Attribute>& attributes, int64_t count, const Box&
                  {{{"buffer", 0},
                    {"byteLength", count * row_bytes},
                    {"byteStride", row_bytes},
-                   {"target", kArrayBuffer}}}},
+                   {"target", kGltfArrayBuffer}}}},
                 {"buffers", {{{"byteLength", count * row_bytes}}}}});
   return scene;
-}
-
-// Little-endian, as all numbers of the file.
-void Append(uint64_t number, std::string& bytes) {
-  for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<char>(number >> (8 * i)));
-}
-
-// Returns everything in front of `num_bytes` of rows. Parts of a GLB begin at multiples of 4, and
-// JSON is padded with spaces.
-std::string HeaderOf(std::string json, size_t num_bytes) {
-  json.resize((json.size() + 3) / 4 * 4, ' ');
-  const size_t rows = num_bytes == 0 ? 0 : kPartHeaderBytes + num_bytes;
-  std::string header = "glTF";
-  Append(2, header);  // version
-  Append(kFileHeaderBytes + kPartHeaderBytes + json.size() + rows, header);
-  Append(json.size(), header);
-  header += "JSON" + json;
-  if (num_bytes == 0) return header;
-  Append(num_bytes, header);
-  return header + std::string("BIN\0", 4);
 }
 
 // Returns the byte of a value in [0, 1].
 uint8_t ByteOf(float value) {
   return static_cast<uint8_t>(std::lround(255 * std::clamp(value, 0.0f, 1.0f)));
-}
-
-// Inverts the transfer function of sRGB (IEC 61966-2-1).
-float LinearOf(float srgb) {
-  srgb = std::clamp(srgb, 0.0f, 1.0f);
-  return srgb <= 0.04045f ? srgb / 12.92f : std::pow((srgb + 0.055f) / 1.055f, 2.4f);
 }
 
 // Writes the values of a row one after the other.
@@ -162,7 +134,7 @@ GaussianGlbBlocks::GaussianGlbBlocks(const Gaussians& gaussians, std::vector<uin
   const std::vector<Attribute> attributes = AttributesOf(gaussians.sh_degree);
   const int64_t row_bytes = RowBytesOf(attributes);
   if (num_gaussians() == 0) {
-    SetLayout(HeaderOf(EmptyScene().dump(), 0), row_bytes);
+    SetLayout(GlbHeader(EmptyScene().dump(), 0), row_bytes);
     return;
   }
   Box box;
@@ -175,8 +147,8 @@ GaussianGlbBlocks::GaussianGlbBlocks(const Gaussians& gaussians, std::vector<uin
       box.max[axis] = std::max(box.max[axis], value);
     }
   }
-  SetLayout(HeaderOf(SceneOf(attributes, num_gaussians(), box, translation).dump(),
-                     static_cast<size_t>(num_gaussians() * row_bytes)),
+  SetLayout(GlbHeader(SceneOf(attributes, num_gaussians(), box, translation).dump(),
+                      static_cast<size_t>(num_gaussians() * row_bytes)),
             row_bytes);
 }
 
@@ -194,7 +166,7 @@ std::string GaussianGlbBlocks::EncodeRows(int64_t first, int64_t count) const {
     const float opacity = OpacityOf(row);
     out.Float(opacity);
     for (int k = 0; k < 3; ++k) {
-      out.Byte(ByteOf(LinearOf(0.5f + kShBase * ValueOf(kShPlane + k, row))));
+      out.Byte(ByteOf(LinearOfSrgb(0.5f + kShBase * ValueOf(kShPlane + k, row))));
     }
     out.Byte(ByteOf(opacity));
     for (int k = 0; k < NumShCoefficients(gaussians_.sh_degree); ++k) {

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "server/services/export_gaussians.h"
+#include "server/services/export_mesh.h"
 
 namespace pepeseg {
 
@@ -20,6 +21,14 @@ grpc::ServerWriteReactor<v1::ExportGaussiansResponse>* RenderServiceRpc::ExportG
     grpc::CallbackServerContext* call, const v1::ExportGaussiansRequest* request) {
   const auto stream = std::make_shared<ExportGaussiansStream>(
       ExportGaussiansStream::Dependencies{runner_, models_, selections_}, call, *request);
+  stream->Begin();
+  return stream.get();  // owns itself until OnDone
+}
+
+grpc::ServerWriteReactor<v1::ExportMeshResponse>* RenderServiceRpc::ExportMesh(
+    grpc::CallbackServerContext* call, const v1::ExportMeshRequest* request) {
+  const auto stream = std::make_shared<ExportMeshStream>(
+      ExportMeshStream::Dependencies{runner_, models_, selections_}, call, *request);
   stream->Begin();
   return stream.get();  // owns itself until OnDone
 }

@@ -8,7 +8,7 @@
 
 namespace pepeseg {
 
-// Renders models in memory, on the pool `query`, and exports models.
+// Renders models in memory, on the pool `query`, and exports models and meshes of them.
 class RenderServiceRpc final : public v1::RenderService::CallbackService {
  public:
   // All must outlive it.
@@ -18,6 +18,8 @@ class RenderServiceRpc final : public v1::RenderService::CallbackService {
   PEPESEG_UNARY(RenderView, v1::RenderViewRequest, v1::RenderViewResponse)
   grpc::ServerWriteReactor<v1::ExportGaussiansResponse>* ExportGaussians(
       grpc::CallbackServerContext* call, const v1::ExportGaussiansRequest* request) override;
+  grpc::ServerWriteReactor<v1::ExportMeshResponse>* ExportMesh(
+      grpc::CallbackServerContext* call, const v1::ExportMeshRequest* request) override;
 
  private:
   const CallRunner& runner_;

@@ -48,7 +48,7 @@ TEST(Program, ListsVerbsAndExitCodesInItsHelp) {
   EXPECT_EQ(ran.exit_code, 0);
   for (const char* verb : {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment",
                            "render", "label", "labels", "select", "selections", "combine", "export",
-                           "models", "completion", "Exit codes"}) {
+                           "mesh", "models", "completion", "Exit codes"}) {
     EXPECT_THAT(ran.output, HasSubstr(verb));
   }
 }
@@ -84,6 +84,7 @@ TEST(Program, RefusesWrongCommandLines) {
 TEST(Program, ListsChoicesByName) {
   for (const auto& [arguments, choices] :
        {std::pair("export shelf out --format nonsense", "ply,spz,glb,coco,yolo,labelme,masks"),
+        {"mesh shelf out --format nonsense", "ply,glb"},
         {"train shelf --preset nonsense", "preview,standard,best,paper"},
         {"segment shelf --view a -p 1,2 --frame nonsense", "photograph,view"}}) {
     const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
@@ -259,11 +260,16 @@ TEST(Program, ChecksDecompositionsAndSubsetsBeforeItCallsAServer) {
   for (const char* arguments :
        {"decompose", "decompose shelf --scales 0.1,2", "decompose shelf --level -1",
         "render shelf --content smell", "render shelf --scale 2",
-        "render shelf --selection 1 --segment 1:1", "export shelf a.ply --selection 0"}) {
+        "render shelf --selection 1 --segment 1:1", "export shelf a.ply --selection 0",
+        "mesh shelf a.ply --selection 1 --segment 1:1", "mesh shelf a.ply --voxels 31",
+        "mesh shelf"}) {
     EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;
   }
   EXPECT_EQ(RunPepeseg("render shelf --segment 1 2>&1").exit_code, 4);
   EXPECT_EQ(RunPepeseg("export shelf a.ply --without 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("mesh shelf a.ply --without 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("mesh shelf a.glb --voxels 64 --watertight 2>&1").exit_code, 5)
+      << "no server";
   EXPECT_EQ(RunPepeseg("decompose --scales 0.1,0.9 shelf 2>&1").exit_code, 5) << "no server";
 }
 

@@ -220,6 +220,15 @@ TEST_F(ClientTest, SelectsCombinesAndExports) {
   ASSERT_OK(header);
   EXPECT_EQ(header->num_gaussians(), red->num_gaussians());
   EXPECT_EQ(static_cast<int64_t>(fs::file_size(ply)), header->num_bytes());
+
+  v1::ExportMeshRequest mesh;
+  mesh.set_model(ModelName("shelf"));
+  mesh.mutable_subset()->set_selection(red->name());
+  mesh.set_voxels(32);
+  const auto meshed = client.ExportMesh(mesh, photos / "mesh.ply");
+  ASSERT_OK(meshed);
+  EXPECT_GT(meshed->num_triangles(), 0);
+  EXPECT_EQ(static_cast<int64_t>(fs::file_size(photos / "mesh.ply")), meshed->num_bytes());
   EXPECT_OK(client.DeleteSelection(red->name()));
   EXPECT_TRUE(absl::IsNotFound(client.GetSelection(red->name()).status()));
 }
@@ -230,6 +239,10 @@ TEST_F(ClientTest, LeavesNoFileOfAFailedExport) {
   wanted.set_model(ModelName("shelf"));
   const auto header = client.Export(wanted, photos / "none.ply");
   EXPECT_FALSE(header.ok());
+  EXPECT_FALSE(fs::exists(photos / "none.ply"));
+  v1::ExportMeshRequest mesh;
+  mesh.set_model(ModelName("shelf"));
+  EXPECT_FALSE(client.ExportMesh(mesh, photos / "none.ply").ok());
   EXPECT_FALSE(fs::exists(photos / "none.ply"));
   EXPECT_FALSE(fs::exists(photos / "none.ply.part"));
 }

@@ -59,7 +59,40 @@ struct FarOriginTest : ServiceTest {
   }
   bool HasOrigin() const { return header.origin().y() == kOrigin[1]; }
   v1::ExportGaussiansResponse::Header header;  // of the last export
+
+  // Returns the mesh, and sets `mesh_header`.
+  std::string Mesh(v1::Coordinates coordinates, v1::MeshFormat format) {
+    grpc::ClientContext context;
+    v1::ExportMeshRequest request;
+    request.set_model(kModel);
+    request.set_coordinates(coordinates);
+    request.set_format(format);
+    request.set_voxels(32);
+    const auto stream = running.renders->ExportMesh(&context, request);
+    std::string file;
+    for (v1::ExportMeshResponse part; stream->Read(&part);) {
+      if (part.has_header()) mesh_header = part.header();
+      file += part.chunk();
+    }
+    EXPECT_OK(stream->Finish());
+    return file;
+  }
+  v1::ExportMeshResponse::Header mesh_header;
 };
+
+TEST_F(FarOriginTest, ExportsMeshesInTheWorldAndRelativeToTheOrigin) {
+  const std::string world = Mesh(v1::COORDINATES_WORLD, v1::MESH_FORMAT_PLY);
+  EXPECT_NE(world.find("property double x\n"), std::string::npos);
+  EXPECT_FALSE(mesh_header.has_origin());
+  const std::string local = Mesh(v1::COORDINATES_LOCAL, v1::MESH_FORMAT_PLY);
+  EXPECT_NE(local.find("comment pepeseg_origin "), std::string::npos);
+  EXPECT_EQ(mesh_header.origin().y(), kOrigin[1]);
+  EXPECT_NE(Mesh(v1::COORDINATES_WORLD, v1::MESH_FORMAT_GLB).find("\"translation\":["),
+            std::string::npos);
+  EXPECT_EQ(Mesh(v1::COORDINATES_LOCAL, v1::MESH_FORMAT_GLB).find("\"translation\":["),
+            std::string::npos);
+  EXPECT_EQ(mesh_header.origin().x(), kOrigin[0]);
+}
 
 TEST_F(FarOriginTest, ListsViewsAndReadsFreeCamerasInTheWorld) {
   const v1::View listed = ListedView("middle.jpg");

@@ -15,11 +15,11 @@ namespace pepeseg {
 namespace {
 
 // The model that model_worker.cc makes.
-constexpr ModelShape kModel = {20'000, 0, int64_t{96} * 64};
+constexpr ModelShape kSquaresShape = {20'000, 0, int64_t{96} * 64};
 
 // Each of two devices has room for one model, and not for two.
 ServerOptions RoomForOneOnEach() {
-  const MemoryBytes bytes = BytesOfModel(*MakeCpuBackend(1), kModel);
+  const MemoryBytes bytes = BytesOfModel(*MakeCpuBackend(1), kSquaresShape);
   ServerOptions options;
   options.admin = "127.0.0.1:0";
   options.model_bytes = 2 * (bytes.host + bytes.device) * 3 / 2;
@@ -118,7 +118,7 @@ TEST_F(ModelsOnTwoDevices, AreNamedInTheStatus) {
 
 // A project's quota counts its models on all devices.
 TEST_F(ModelsOnTwoDevices, ShareTheQuotaOfTheirProject) {
-  const MemoryBytes bytes = BytesOfModel(*MakeCpuBackend(1), kModel);
+  const MemoryBytes bytes = BytesOfModel(*MakeCpuBackend(1), kSquaresShape);
   running.options.quota.resident_bytes = (bytes.host + bytes.device) * 3 / 2;
   running.Restart();
   ASSERT_OK(Ask("a"));

@@ -328,6 +328,7 @@ def make_calls(evaluate):
                              '"scenes/shelf/selections/2" operation: SET_OPERATION_UNION',
         "RenderView": MODEL + 'viewpoint { view: "middle.jpg" } content: CONTENT_DEPTH',
         "ExportGaussians": MODEL + "subset { segment { level: 1 id: 1 } }",
+        "ExportMesh": MODEL + "subset { segment { level: 1 id: 1 } } voxels: 32 watertight: true",
         "ListJobs": "page_size: 3", "GetModel": 'name: "scenes/shelf/models/live"', "ListScenes": "page_size: 3",
         "ListTrainingOptions": "preset: TRAINING_PRESET_BEST",
         "ListViews": 'parent: "scenes/shelf/models/live"',

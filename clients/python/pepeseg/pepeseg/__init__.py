@@ -45,7 +45,7 @@ from pepeseg.png import Picture
 from pepeseg.prompts import Prompt
 from pepeseg.scenes import Model, Scene
 from pepeseg.segmentation import Proposal, Segmentation, Snapshot, ViewMask
-from pepeseg.subsets import Decomposition, Export, Level, Segment
+from pepeseg.subsets import Decomposition, Export, Level, MeshExport, Segment
 from pepeseg.upload import SealedDataset
 
 __version__ = "0.1.0"
@@ -78,6 +78,7 @@ __all__ = [
     "JobFailedError",
     "Label",
     "Level",
+    "MeshExport",
     "Model",
     "NotFoundError",
     "OutOfRangeError",

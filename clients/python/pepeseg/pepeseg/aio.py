@@ -146,6 +146,7 @@ class Selection(subsets.SelectionInfo):
         self._client = client
 
     export = of_itself(awaited(subsets.export))
+    export_mesh = of_itself(awaited(subsets.export_mesh))
 
     async def combine(self, operation: str, other: Selection) -> Selection:
         """Combines this selection, the base of the new one, with `other`.
@@ -248,6 +249,7 @@ class Client(SceneClient):
     decompose = awaited(subsets.decompose)
     render = awaited(subsets.render)
     export = awaited(subsets.export)
+    export_mesh = awaited(subsets.export_mesh)
 
     label = awaited(of_labels.label)
     get_label = awaited(of_labels.get_label)

@@ -42,6 +42,7 @@ class Selection(subsets.SelectionInfo):
         self._client = client
 
     export = of_itself(blocking(subsets.export))
+    export_mesh = of_itself(blocking(subsets.export_mesh))
 
     def combine(self, operation: str, other: Selection) -> Selection:
         """Combines this selection, the base of the new one, with `other`.
@@ -157,6 +158,7 @@ class Client(SceneClient):
     decompose = blocking(subsets.decompose)
     render = blocking(subsets.render)
     export = blocking(subsets.export)
+    export_mesh = blocking(subsets.export_mesh)
 
     label = blocking(of_labels.label)
     get_label = blocking(of_labels.get_label)

@@ -97,6 +97,20 @@ class Export:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
+@dataclass(frozen=True)
+class MeshExport:
+    """A file that `export_mesh` has written."""
+
+    path: Path
+    num_vertices: int
+    num_triangles: int
+    num_bytes: int
+    sha256: str
+    model: str
+    # What to add to the positions of the file to get those of the world.
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
 # A selection, its number or its name; or a segment. None: the whole model.
 Subset = Union[None, SelectionInfo, int, str, Segment]
 
@@ -111,6 +125,10 @@ FORMATS = {
     "ply": render_service_pb2.GAUSSIAN_FORMAT_PLY,
     "spz": render_service_pb2.GAUSSIAN_FORMAT_SPZ,
     "glb": render_service_pb2.GAUSSIAN_FORMAT_GLB,
+}
+MESH_FORMATS = {
+    "ply": render_service_pb2.MESH_FORMAT_PLY,
+    "glb": render_service_pb2.MESH_FORMAT_GLB,
 }
 ORIGINS = {
     "local": render_service_pb2.COORDINATES_LOCAL,
@@ -249,16 +267,19 @@ def render(
     return (pixels * np.float32(answer.depth_unit)) if content == "depth" else pixels
 
 
+_Part = Union[render_service_pb2.ExportGaussiansResponse, render_service_pb2.ExportMeshResponse]
+
+
 class _ExportFile:
     """Writes the parts of an export to a file, and checks the whole."""
 
-    def __init__(self, file: BinaryIO) -> None:
+    def __init__(self, file: BinaryIO, header: Any) -> None:
         self._file = file
         self._sha256 = hashlib.sha256()
         self._num_bytes = 0
-        self._header = render_service_pb2.ExportGaussiansResponse.Header()
+        self._header = header
 
-    def take(self, part: render_service_pb2.ExportGaussiansResponse) -> None:
+    def take(self, part: _Part) -> None:
         if part.HasField("header"):
             self._header = part.header
             return
@@ -266,13 +287,52 @@ class _ExportFile:
         self._num_bytes += len(part.chunk)
         self._file.write(part.chunk)
 
-    def finish(self) -> render_service_pb2.ExportGaussiansResponse.Header:
+    def finish(self) -> Any:
         header = self._header
         if (self._num_bytes, self._sha256.hexdigest()) != (header.num_bytes, header.sha256):
             raise damaged(
                 f"the file is not what was announced: {self._num_bytes} of {header.num_bytes} bytes"
             )
         return header
+
+
+def _format_of(path: str | os.PathLike[str], format: str | None, formats: dict[str, Any]) -> Any:
+    """Returns the format of that name, or the one that the path ends in, else PLY."""
+    if format is None:
+        format = Path(path).suffix[1:].lower()
+        format = format if format in formats else "ply"
+    if format not in formats:
+        raise refused(f'format "{format}": one of {", ".join(formats)} is wanted')
+    return formats[format]
+
+
+def _origin_of(origin: str) -> Any:
+    if origin not in ORIGINS:
+        raise refused(f'origin "{origin}": one of {", ".join(ORIGINS)} is wanted')
+    return ORIGINS[origin]
+
+
+def _write(
+    at: Place, method: str, request: Any, header: Any, target: Path
+) -> Steps[tuple[Any, tuple[float, float, float]]]:
+    """Writes what a method exports, and returns its header and the offset to the world."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    beside = target.with_name(target.name + ".part")
+    try:
+        with open(beside, "wb") as file:
+            parts = _ExportFile(file, header)
+            yield Receive("rendering", method, request, at.scene, parts.take)
+            header = parts.finish()
+        beside.replace(target)
+    finally:
+        beside.unlink(missing_ok=True)
+    offset = (header.origin.x, header.origin.y, header.origin.z)
+    side = target.with_name(target.name + ".origin.json")
+    if header.HasField("origin"):
+        side.write_text(json.dumps({"origin": offset}) + "\n", encoding="utf-8")
+    else:
+        side.unlink(missing_ok=True)  # of an earlier export
+    return header, offset
 
 
 def export(
@@ -309,40 +369,69 @@ def export(
         DataLossError: the bytes fail their checksum.
         OSError: the file cannot be written.
     """
-    if origin not in ORIGINS:
-        raise refused(f'origin "{origin}": one of {", ".join(ORIGINS)} is wanted')
-    if format is None:
-        format = Path(path).suffix[1:].lower()
-        format = format if format in FORMATS else "ply"
-    if format not in FORMATS:
-        raise refused(f'format "{format}": one of {", ".join(FORMATS)} is wanted')
     request = render_service_pb2.ExportGaussiansRequest(
         model=at.model,
         subset=to_subset(at, of, without),
-        coordinates=ORIGINS[origin],
-        format=FORMATS[format],
+        coordinates=_origin_of(origin),
+        format=_format_of(path, format, FORMATS),
     )
     if segment_ids is not False:
         scales = () if segment_ids is True else segment_ids
         request.segment_ids.scales.extend(scales)
         request.segment_ids.SetInParent()
     target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    beside = target.with_name(target.name + ".part")
-    try:
-        with open(beside, "wb") as file:
-            parts = _ExportFile(file)
-            yield Receive("rendering", "ExportGaussians", request, at.scene, parts.take)
-            header = parts.finish()
-        beside.replace(target)
-    finally:
-        beside.unlink(missing_ok=True)
-    offset = (header.origin.x, header.origin.y, header.origin.z)
-    side = target.with_name(target.name + ".origin.json")
-    if header.HasField("origin"):
-        side.write_text(json.dumps({"origin": offset}) + "\n", encoding="utf-8")
-    else:
-        side.unlink(missing_ok=True)  # of an earlier export
+    empty = render_service_pb2.ExportGaussiansResponse.Header()
+    header, offset = yield from _write(at, "ExportGaussians", request, empty, target)
     return Export(
         target, header.num_gaussians, header.num_bytes, header.sha256, header.model, offset
+    )
+
+
+def export_mesh(
+    at: Place,
+    path: str | os.PathLike[str],
+    of: Subset = None,
+    *,
+    without: bool = False,
+    origin: str = "local",
+    format: str | None = None,
+    voxels: int = 256,
+    watertight: bool = False,
+) -> Steps[MeshExport]:
+    """Makes a triangle mesh of the model, or of a subset of it, and fetches it as a file.
+
+    The server makes it in seconds: of the depth and the colours that the model's views render. The
+    file appears at `path` as that of `export` does.
+
+    Args:
+        of, without, origin: as in `export`.
+        format: "ply" or "glb"; None: what the path ends in, else "ply". The axes of a GLB are those
+            of glTF: x, -y, -z of the world.
+        voxels: on the longest side of the box of the Gaussians, 32 to 1024.
+        watertight: close the surface where no view shows it, so that it has a volume.
+
+    Raises:
+        InvalidArgumentError: as `export`; or `voxels` is out of range, or they are too many.
+        FailedPreconditionError: the scene has no model yet, or no view shows a surface.
+        NotFoundError, DataLossError, OSError: as `export`.
+    """
+    request = render_service_pb2.ExportMeshRequest(
+        model=at.model,
+        subset=to_subset(at, of, without),
+        coordinates=_origin_of(origin),
+        format=_format_of(path, format, MESH_FORMATS),
+        voxels=voxels,
+        watertight=watertight,
+    )
+    target = Path(path)
+    empty = render_service_pb2.ExportMeshResponse.Header()
+    header, offset = yield from _write(at, "ExportMesh", request, empty, target)
+    return MeshExport(
+        target,
+        header.num_vertices,
+        header.num_triangles,
+        header.num_bytes,
+        header.sha256,
+        header.model,
+        offset,
     )

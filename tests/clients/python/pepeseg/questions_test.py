@@ -245,6 +245,14 @@ class TestDecompose:
             assert client.export(tmp_path / name, first).num_gaussians == first.num_gaussians
             assert (tmp_path / name).read_bytes().startswith(start)
         assert client.export(tmp_path / "odd.glb", first, format="ply").sha256 == written.sha256
+        mesh = client.export_mesh(tmp_path / "first.glb", first, voxels=32, watertight=True)
+        assert mesh.num_triangles > 100 and mesh.num_bytes == mesh.path.stat().st_size
+        assert mesh.path.read_bytes().startswith(b"glTF")
+        with pytest.raises(pepeseg.InvalidArgumentError):
+            client.export_mesh(tmp_path / "none.ply", first, voxels=31)
+        with pytest.raises(pepeseg.InvalidArgumentError):
+            client.export_mesh(tmp_path / "none.ply", first, format="spz")
+        assert not (tmp_path / "none.ply").exists()
         client.export(tmp_path / "ids.ply", first, segment_ids=first.scales)
         assert b"property int segment_1\n" in (tmp_path / "ids.ply").read_bytes()[:2000]
         ids_image = client.render(VIEW, content="segments", level=1, scales=first.scales)

@@ -18,6 +18,9 @@ GAUSSIAN_FORMAT_GLB: GaussianFormat
 GAUSSIAN_FORMAT_PLY: GaussianFormat
 GAUSSIAN_FORMAT_SPZ: GaussianFormat
 GAUSSIAN_FORMAT_UNSPECIFIED: GaussianFormat
+MESH_FORMAT_GLB: MeshFormat
+MESH_FORMAT_PLY: MeshFormat
+MESH_FORMAT_UNSPECIFIED: MeshFormat
 
 class ExportGaussiansRequest(_message.Message):
     __slots__ = ["coordinates", "format", "model", "segment_ids", "subset"]
@@ -58,6 +61,45 @@ class ExportGaussiansResponse(_message.Message):
     chunk: bytes
     header: ExportGaussiansResponse.Header
     def __init__(self, header: _Optional[_Union[ExportGaussiansResponse.Header, _Mapping]] = ..., chunk: _Optional[bytes] = ...) -> None: ...
+
+class ExportMeshRequest(_message.Message):
+    __slots__ = ["coordinates", "format", "model", "subset", "voxels", "watertight"]
+    COORDINATES_FIELD_NUMBER: _ClassVar[int]
+    FORMAT_FIELD_NUMBER: _ClassVar[int]
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    SUBSET_FIELD_NUMBER: _ClassVar[int]
+    VOXELS_FIELD_NUMBER: _ClassVar[int]
+    WATERTIGHT_FIELD_NUMBER: _ClassVar[int]
+    coordinates: Coordinates
+    format: MeshFormat
+    model: str
+    subset: Subset
+    voxels: int
+    watertight: bool
+    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., coordinates: _Optional[_Union[Coordinates, str]] = ..., format: _Optional[_Union[MeshFormat, str]] = ..., voxels: _Optional[int] = ..., watertight: bool = ...) -> None: ...
+
+class ExportMeshResponse(_message.Message):
+    __slots__ = ["chunk", "header"]
+    class Header(_message.Message):
+        __slots__ = ["model", "num_bytes", "num_triangles", "num_vertices", "origin", "sha256"]
+        MODEL_FIELD_NUMBER: _ClassVar[int]
+        NUM_BYTES_FIELD_NUMBER: _ClassVar[int]
+        NUM_TRIANGLES_FIELD_NUMBER: _ClassVar[int]
+        NUM_VERTICES_FIELD_NUMBER: _ClassVar[int]
+        ORIGIN_FIELD_NUMBER: _ClassVar[int]
+        SHA256_FIELD_NUMBER: _ClassVar[int]
+        model: str
+        num_bytes: int
+        num_triangles: int
+        num_vertices: int
+        origin: _geometry_pb2.Vector3
+        sha256: str
+        def __init__(self, model: _Optional[str] = ..., num_vertices: _Optional[int] = ..., num_triangles: _Optional[int] = ..., num_bytes: _Optional[int] = ..., sha256: _Optional[str] = ..., origin: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ...) -> None: ...
+    CHUNK_FIELD_NUMBER: _ClassVar[int]
+    HEADER_FIELD_NUMBER: _ClassVar[int]
+    chunk: bytes
+    header: ExportMeshResponse.Header
+    def __init__(self, header: _Optional[_Union[ExportMeshResponse.Header, _Mapping]] = ..., chunk: _Optional[bytes] = ...) -> None: ...
 
 class RenderViewRequest(_message.Message):
     __slots__ = ["content", "decomposition_scales", "feature_scale", "frame", "level", "max_side", "model", "overlay_mask", "overlay_subset", "subset", "viewpoint"]
@@ -124,4 +166,7 @@ class GaussianFormat(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []
 
 class Coordinates(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = []
+
+class MeshFormat(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = []

@@ -25,6 +25,11 @@ class RenderServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_render__service__pb2.ExportGaussiansRequest.SerializeToString,
                 response_deserializer=pepeseg_dot_v1_dot_render__service__pb2.ExportGaussiansResponse.FromString,
                 )
+        self.ExportMesh = channel.unary_stream(
+                '/pepeseg.v1.RenderService/ExportMesh',
+                request_serializer=pepeseg_dot_v1_dot_render__service__pb2.ExportMeshRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_render__service__pb2.ExportMeshResponse.FromString,
+                )
 
 
 class RenderServiceServicer(object):
@@ -46,6 +51,17 @@ class RenderServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def ExportMesh(self, request, context):
+        """Makes a triangle mesh of a model, or of a subset of its Gaussians, and exports it as a file: a
+        header, then chunks. The header comes when the mesh is made, after seconds. The colours are those
+        of the photographs, with their light.
+        FAILED_PRECONDITION: the views show no surface of it. RESOURCE_EXHAUSTED: the surface is too
+        large for the voxels, or the server lacks the memory.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
 
 def add_RenderServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
@@ -58,6 +74,11 @@ def add_RenderServiceServicer_to_server(servicer, server):
                     servicer.ExportGaussians,
                     request_deserializer=pepeseg_dot_v1_dot_render__service__pb2.ExportGaussiansRequest.FromString,
                     response_serializer=pepeseg_dot_v1_dot_render__service__pb2.ExportGaussiansResponse.SerializeToString,
+            ),
+            'ExportMesh': grpc.unary_stream_rpc_method_handler(
+                    servicer.ExportMesh,
+                    request_deserializer=pepeseg_dot_v1_dot_render__service__pb2.ExportMeshRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_render__service__pb2.ExportMeshResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -101,5 +122,22 @@ class RenderService(object):
         return grpc.experimental.unary_stream(request, target, '/pepeseg.v1.RenderService/ExportGaussians',
             pepeseg_dot_v1_dot_render__service__pb2.ExportGaussiansRequest.SerializeToString,
             pepeseg_dot_v1_dot_render__service__pb2.ExportGaussiansResponse.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def ExportMesh(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(request, target, '/pepeseg.v1.RenderService/ExportMesh',
+            pepeseg_dot_v1_dot_render__service__pb2.ExportMeshRequest.SerializeToString,
+            pepeseg_dot_v1_dot_render__service__pb2.ExportMeshResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
