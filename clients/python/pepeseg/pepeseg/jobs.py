@@ -75,9 +75,24 @@ def _time_left(progress: job_service_pb2.JobProgress) -> str:
     return f"about {about} left, stage {progress.stage_number} of {progress.num_stages}"
 
 
+def wait_text(wait: job_service_pb2.Job.Wait) -> str:
+    """What a queued job waits for: "after 2 others, when a device is free". Empty: not known."""
+    if wait.reason == job_service_pb2.Job.Wait.REASON_DEVICE:
+        others = f"{wait.jobs_ahead} other{'s' if wait.jobs_ahead > 1 else ''}"
+        place = f"after {others}" if wait.jobs_ahead else "next"
+        return f"{place}, when a device is free"
+    if wait.reason == job_service_pb2.Job.Wait.REASON_QUOTA:
+        return "until another job of its project ends, by its quota"
+    if wait.reason == job_service_pb2.Job.Wait.REASON_RETRY:
+        return "until the next attempt, after a pause"
+    return ""
+
+
 def _show(event: job_service_pb2.JobEvent, bar: Bar) -> None:
     kind = event.WhichOneof("event")
-    if kind == "progress":
+    if kind == "snapshot" and event.snapshot.HasField("wait"):
+        bar.say(f"queued: {wait_text(event.snapshot.wait)}")
+    elif kind == "progress":
         progress = event.progress
         notes = [_time_left(progress)] if progress.HasField("job_eta") else []
         if progress.HasField("loss"):

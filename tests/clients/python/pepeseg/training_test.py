@@ -11,8 +11,25 @@ import pytest
 import pepeseg
 from conftest import SHELF, SMALL, Pepesegd
 from pepeseg import importers
+from pepeseg.jobs import wait_text
 from pepeseg.training import PRESETS, to_options
 from pepeseg.v1 import job_service_pb2, training_options_pb2
+
+
+@pytest.mark.parametrize(
+    "reason, jobs_ahead, text",
+    [
+        ("REASON_UNSPECIFIED", 0, ""),
+        ("REASON_DEVICE", 0, "next, when a device is free"),
+        ("REASON_DEVICE", 1, "after 1 other, when a device is free"),
+        ("REASON_DEVICE", 2, "after 2 others, when a device is free"),
+        ("REASON_QUOTA", 0, "until another job of its project ends, by its quota"),
+        ("REASON_RETRY", 0, "until the next attempt, after a pause"),
+    ],
+)
+def test_a_queued_job_says_what_it_waits_for(reason, jobs_ahead, text):
+    wait = job_service_pb2.Job.Wait(reason=reason, jobs_ahead=jobs_ahead)
+    assert wait_text(wait) == text
 
 
 class TestOptions:
