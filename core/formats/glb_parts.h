@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-// What the binary glTF 2.0 files that are written have in common.
+// Parts that all binary glTF 2.0 files of this project have in common.
 
 namespace pepeseg {
 

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/order_statistics.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/surface.h"
 #include "core/query/frame.h"
@@ -36,13 +37,6 @@ std::vector<size_t> MembersOf(const Gaussians& gaussians, const GaussianSet* sub
     if (opacity[i] >= kMinOpacityLogit) solid.push_back(i);
   }
   return solid.empty() ? members : solid;
-}
-
-// Returns the value below which a share of the values is. Reorders them.
-double Quantile(std::vector<float>& values, double share) {
-  const auto at = values.begin() + std::lround(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
 }
 
 // Shrinks a view whose pixels are much smaller than voxels.
@@ -83,7 +77,7 @@ double DistanceOf(const Model& model, const VoxelGrid& grid) {
     if (!MaySee(view, MiddleOf(grid), RadiusOf(grid))) continue;
     distances.push_back(static_cast<float>((view.cam_from_world * MiddleOf(grid)).norm()));
   }
-  return distances.empty() ? 0 : Quantile(distances, 0.5);
+  return distances.empty() ? 0 : NearestRank(distances, 0.5);
 }
 
 // Returns cameras around a ball, in the directions of the faces, edges and corners of a cube.
@@ -142,8 +136,8 @@ absl::StatusOr<VoxelGrid> GridOfMesh(const Model& model, const GaussianSet* subs
       low[i] = mean - std::exp(log_scale);
       high[i] = mean + std::exp(log_scale);
     }
-    min[axis] = Quantile(low, kBoxQuantile);
-    max[axis] = Quantile(high, 1 - kBoxQuantile);
+    min[axis] = NearestRank(low, kBoxQuantile);
+    max[axis] = NearestRank(high, 1 - kBoxQuantile);
     const double margin = kBoxMargin * (max[axis] - min[axis]);
     min[axis] -= margin;
     max[axis] += margin;

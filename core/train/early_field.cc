@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/features/estimate.h"
+#include "core/features/mask_scales.h"
 #include "core/features/trainer.h"
 #include "core/model_files/model_file.h"
 #include "core/reconstruct/estimate.h"
@@ -26,22 +27,16 @@ constexpr size_t kMostViews = 96;  // that the field learns from
 constexpr int kStepsOfView = 20;   // steps of the field, for each of them
 constexpr int kShDegree = 1;       // most degrees that are kept, as the model is to be read soon
 
-bool HasTrainingMasks(const Capture& capture) {
-  return std::any_of(capture.views.begin(), capture.views.end(),
-                     [](const View& view) { return !view.held_out && !view.masks.empty(); });
-}
-
-// Returns the capture with training views alone that have masks, at even distances.
+// Returns the capture with some of the views alone that stage two learns from, at even distances.
 Capture FewViews(const Capture& capture) {
-  std::vector<const View*> masked;
-  for (const View& view : capture.views) {
-    if (!view.held_out && !view.masks.empty()) masked.push_back(&view);
-  }
+  const std::vector<int> trained = TrainedViews(capture);
   Capture few;
   few.points = capture.points;
   few.origin = capture.origin;
-  const size_t num = std::min(kMostViews, masked.size());
-  for (size_t i = 0; i < num; ++i) few.views.push_back(*masked[i * masked.size() / num]);
+  const size_t num = std::min(kMostViews, trained.size());
+  for (size_t i = 0; i < num; ++i) {
+    few.views.push_back(capture.views[trained[i * trained.size() / num]]);
+  }
   return few;
 }
 
@@ -55,11 +50,10 @@ FeatureOptions ShortOptions(FeatureOptions options, size_t num_views) {
   return options;
 }
 
-// Returns the step of stage one, of num_steps, after which the Gaussians are copied.
-int64_t DueStep(const Capture& capture, int64_t num_steps) {
-  const auto num_views = std::count_if(capture.views.begin(), capture.views.end(),
-                                       [](const View& view) { return !view.held_out; });
-  return std::clamp(kVisits * static_cast<int64_t>(num_views), num_steps * kFirstPercent / 100,
+// Returns the step of stage one, of num_steps on num_views photographs, after which the Gaussians
+// are copied.
+int64_t DueStep(int64_t num_views, int64_t num_steps) {
+  return std::clamp(kVisits * num_views, num_steps * kFirstPercent / 100,
                     num_steps * kLastPercent / 100);
 }
 
@@ -75,7 +69,7 @@ Gaussians WithFewDegrees(Gaussians gaussians) {
 std::unique_ptr<Backend> QueueForEarlyField(const Backend& backend, const Capture& capture,
                                             const ReconstructOptions& reconstruct,
                                             const FeatureOptions& features) {
-  if (backend.queue_depth() == 0 || !HasTrainingMasks(capture)) return nullptr;
+  if (backend.queue_depth() == 0 || !std::ranges::any_of(capture.views, IsTrained)) return nullptr;
   if (reconstruct.num_steps < kLeastSteps) return nullptr;
   const TrainingSize size = SizeOf(capture);
   const int64_t need =
@@ -92,6 +86,7 @@ EarlyField::EarlyField(Scene scene, GaussianTrainer& trainer, std::unique_ptr<Ba
       trainer_(trainer),
       twin_(std::move(twin)),
       observer_(observer),
+      num_views_(SizeOf(scene_.capture).num_training_views),
       wanted_(twin_ != nullptr && observer.FirstSnapshotSeconds().has_value()) {}
 
 EarlyField::~EarlyField() {
@@ -105,7 +100,7 @@ void EarlyField::Advance(const StepReport& report) {
     observer_.Log(made.ok() ? "the early field answers clicks"
                             : absl::StrCat("no early field: ", made.ToString()));
   }
-  if (!wanted_ || report.step < DueStep(scene_.capture, report.num_steps)) return;
+  if (!wanted_ || report.step < DueStep(num_views_, report.num_steps)) return;
   wanted_ = false;
   if (100 * report.step > kLatestPercent * report.num_steps) return;
   made_ = std::async(std::launch::async, [this, report, gaussians = trainer_.Result()]() mutable {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <filesystem>
 #include <future>
 #include <memory>
@@ -56,6 +57,7 @@ class EarlyField {
   GaussianTrainer& trainer_;
   const std::unique_ptr<Backend> twin_;
   TrainingObserver& observer_;
+  const int64_t num_views_;  // that stage one trains on
   bool wanted_;
   std::atomic<bool> stopped_ = false;
   std::future<absl::Status> made_;  // valid while the thread works, and until its end is logged

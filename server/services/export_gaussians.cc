@@ -11,6 +11,7 @@
 #include "core/formats/gaussian_spz.h"
 #include "core/model_files/model_file.h"
 #include "core/query/decomposition.h"
+#include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
 #include "server/worker_protocol/job_folder.h"
@@ -139,10 +140,8 @@ absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const Gaus
   }
   subset_ = BlocksOf(of, std::move(indices), std::move(segment_ids), request_);
   if (LeavesOrigin(request_) && !of.origin.isZero(0)) {
-    v1::Vector3& origin = *message_.mutable_header()->mutable_origin();
-    origin.set_x(of.origin.x());
-    origin.set_y(of.origin.y());
-    origin.set_z(of.origin.z());
+    *message_.mutable_header()->mutable_origin() =
+        VectorToProto({of.origin.x(), of.origin.y(), of.origin.z()});
   }
   model_ = std::move(model);
   return absl::OkStatus();

@@ -9,6 +9,7 @@
 #include "core/base/status_macros.h"
 #include "core/mesh/make_mesh.h"
 #include "kernels/thread_pool.h"
+#include "server/api/convert.h"
 #include "server/api/error.h"
 
 namespace pepeseg {
@@ -81,10 +82,7 @@ absl::Status ExportMeshStream::Make(const ResidentModel& model, const GaussianSe
                       is_local ? PlyCoordinates::kLocal : PlyCoordinates::kWorld);
   }
   if (is_local && !of.origin.isZero(0)) {
-    v1::Vector3& origin = *header.mutable_origin();
-    origin.set_x(of.origin.x());
-    origin.set_y(of.origin.y());
-    origin.set_z(of.origin.z());
+    *header.mutable_origin() = VectorToProto({of.origin.x(), of.origin.y(), of.origin.z()});
   }
   // The header has the digest of bytes that come after it, so each block is encoded twice.
   Sha256 digest;

@@ -38,7 +38,7 @@ export interface Clickable {
 
 export interface HoverState {
   readonly isOn: boolean;
-  /** What a click would give; undefined while there is no answer, or nothing is there. */
+  /** The answer that a click would get; undefined while there is no answer, or nothing is there. */
   readonly mask: Mask | undefined;
   /** The pixel for which that is, "x,y"; empty: none. */
   readonly at: string;

@@ -1,4 +1,4 @@
-// What a workbench is about: a model, or a job whose newest state stands for its model while it trains.
+// The subject of a workbench: a model, or a job whose newest state stands for its model while it trains.
 
 export interface Subject {
   /** Name of the scene. */

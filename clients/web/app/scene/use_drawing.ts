@@ -1,4 +1,4 @@
-// What the pointer and the keys do in a photograph: clicks, boxes, strokes, and the cursor of the keyboard.
+// Work of the pointer and the keys in a photograph: clicks, boxes, strokes, and the cursor of the keyboard.
 // Zoom and pan are in use_zoom.ts. Positions are pixels of the photograph.
 import { useLayoutEffect, useRef, useState } from 'preact/hooks';
 import type { Brush } from './brush';

@@ -1,4 +1,4 @@
-// What the screen of a scene works with: the state of each of its sections.
+// Everything that the screen of a scene works with: the state of each of its sections.
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { steadily } from '../api/server_link';

@@ -1,4 +1,4 @@
-// What the browser says about photographs before they are uploaded.
+// Advice of the browser on photographs before they are uploaded.
 import { expect, test } from '@playwright/test';
 import { FileKind } from '../../gen/pepeseg/v1/dataset_service_pb';
 import type { DatasetFile } from '../../app/upload/dataset_files';
