@@ -152,10 +152,9 @@ int64_t BytesOfMesh(const VoxelGrid& grid, const Model& model) {
 }
 
 absl::StatusOr<TriangleMesh> MakeMesh(const Segmenter& segmenter, const GaussianSet* subset,
-                                      const MeshOptions& options, ThreadPool& pool,
-                                      absl::FunctionRef<absl::Status()> check) {
+                                      const VoxelGrid& grid, const MeshOptions& options,
+                                      ThreadPool& pool, absl::FunctionRef<absl::Status()> check) {
   const Model& model = segmenter.model();
-  ASSIGN_OR_RETURN(const VoxelGrid grid, GridOfMesh(model, subset, options.voxels));
   const Eigen::Vector3d middle = MiddleOf(grid);
   DistanceVolume volume(grid, pool, kDepthError * DistanceOf(model, grid));
   for (const ModelView& full : model.views) {

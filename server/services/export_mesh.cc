@@ -49,21 +49,22 @@ absl::Status ExportMeshStream::Open() {
 
 absl::Status ExportMeshStream::Make(const ResidentModel& model, const GaussianSet* subset) {
   const Model& of = model->model();
-  MeshOptions options = {.watertight = request_.watertight()};
-  if (request_.voxels() != 0) options.voxels = request_.voxels();
-  const absl::StatusOr<VoxelGrid> grid = GridOfMesh(of, subset, options.voxels);
+  const int voxels = request_.voxels() != 0 ? request_.voxels() : kDefaultMeshVoxels;
+  const absl::StatusOr<VoxelGrid> grid = GridOfMesh(of, subset, voxels);
   if (!grid.ok()) {
-    return BadField("voxels", absl::StrCat(options.voxels), std::string(grid.status().message()));
+    return BadField("voxels", absl::StrCat(voxels), std::string(grid.status().message()));
   }
   ASSIGN_OR_RETURN(memory_,
                    deps_.models.TakeAnswerMemory(model.id.scene.project, BytesOfMesh(*grid, of)));
   TriangleMesh mesh;
   {
     ThreadPool pool(0);
-    ASSIGN_OR_RETURN(mesh, MakeMesh(model->segmenter(), subset, options, pool, [this] {
-                       return cancelled() ? absl::CancelledError("nobody waits for the mesh")
-                                          : absl::OkStatus();
-                     }));
+    ASSIGN_OR_RETURN(mesh, MakeMesh(model->segmenter(), subset, *grid,
+                                    {.watertight = request_.watertight()}, pool, [this] {
+                                      return cancelled()
+                                                 ? absl::CancelledError("nobody waits for the mesh")
+                                                 : absl::OkStatus();
+                                    }));
   }
   // What the volume took is free again.
   memory_.reset();

@@ -77,8 +77,11 @@ class MakeMeshTest : public ::testing::Test {
     ASSERT_TRUE(made.ok()) << made.status();
     segmenter = *std::move(made);
   }
-  absl::StatusOr<TriangleMesh> Make(const GaussianSet* subset, const MeshOptions& options) {
-    return MakeMesh(*segmenter, subset, options, pool, [] { return absl::OkStatus(); });
+  absl::StatusOr<TriangleMesh> Make(const GaussianSet* subset, int voxels,
+                                    const MeshOptions& options = {}) {
+    const auto grid = GridOfMesh(segmenter->model(), subset, voxels);
+    if (!grid.ok()) return grid.status();
+    return MakeMesh(*segmenter, subset, *grid, options, pool, [] { return absl::OkStatus(); });
   }
 
   CpuBackend backend{2};
@@ -88,7 +91,7 @@ class MakeMeshTest : public ::testing::Test {
 };
 
 TEST_F(MakeMeshTest, MakesAWatertightMeshOfASelection) {
-  const auto mesh = Make(&ball, {.voxels = 48, .watertight = true});
+  const auto mesh = Make(&ball, 48, {.watertight = true});
   ASSERT_TRUE(mesh.ok()) << mesh.status();
   const testing::MeshShape shape = testing::ShapeOf(*mesh);
   EXPECT_TRUE(shape.is_closed);
@@ -108,7 +111,7 @@ TEST_F(MakeMeshTest, MakesAWatertightMeshOfASelection) {
 }
 
 TEST_F(MakeMeshTest, MakesAMeshOfTheScene) {
-  const auto mesh = Make(nullptr, {.voxels = 96});
+  const auto mesh = Make(nullptr, 96);
   ASSERT_TRUE(mesh.ok()) << mesh.status();
   EXPECT_FALSE(testing::ShapeOf(*mesh).is_closed);
   const auto grid = GridOfMesh(segmenter->model(), nullptr, 96);
@@ -129,11 +132,13 @@ TEST_F(MakeMeshTest, MakesAMeshOfTheScene) {
 }
 
 TEST_F(MakeMeshTest, DoesNotDependOnThreads) {
-  const auto two = Make(&ball, {.voxels = 40, .watertight = true});
+  const auto two = Make(&ball, 40, {.watertight = true});
   ThreadPool one(1);
-  const auto other = MakeMesh(*segmenter, &ball, {.voxels = 40, .watertight = true}, one,
+  const auto grid = GridOfMesh(segmenter->model(), &ball, 40);
+  ASSERT_TRUE(two.ok() && grid.ok());
+  const auto other = MakeMesh(*segmenter, &ball, *grid, {.watertight = true}, one,
                               [] { return absl::OkStatus(); });
-  ASSERT_TRUE(two.ok() && other.ok());
+  ASSERT_TRUE(other.ok());
   EXPECT_EQ(two->positions, other->positions);
   EXPECT_EQ(two->colors, other->colors);
   EXPECT_EQ(two->triangles, other->triangles);
@@ -142,15 +147,17 @@ TEST_F(MakeMeshTest, DoesNotDependOnThreads) {
 TEST_F(MakeMeshTest, RefusesWhatItCannotMesh) {
   GaussianSet none;
   none.member.assign(ball.member.size(), 0);
-  EXPECT_EQ(Make(&none, {}).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Make(&none, kDefaultMeshVoxels).status().code(), absl::StatusCode::kInvalidArgument);
   none.member.resize(3);
-  EXPECT_EQ(Make(&none, {}).status().code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(Make(&ball, {.voxels = 8}).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Make(&none, kDefaultMeshVoxels).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Make(&ball, 8).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
 TEST_F(MakeMeshTest, EndsWhenItIsNotWanted) {
   int calls = 0;
-  const auto stopped = MakeMesh(*segmenter, &ball, {.voxels = 32}, pool, [&calls] {
+  const auto grid = GridOfMesh(segmenter->model(), &ball, 32);
+  ASSERT_TRUE(grid.ok());
+  const auto stopped = MakeMesh(*segmenter, &ball, *grid, {}, pool, [&calls] {
     return ++calls < 3 ? absl::OkStatus() : absl::CancelledError("enough");
   });
   EXPECT_EQ(stopped.status().code(), absl::StatusCode::kCancelled);
