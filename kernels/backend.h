@@ -45,6 +45,10 @@ struct ScratchSize {
   bool for_backward = true;  // see RenderArgs
 };
 
+// Priority of a twin's queue (Backend::MakeTwin). kFirst: where both have work, its work is begun
+// first, as far as the device can.
+enum class QueuePriority { kSame, kFirst };
+
 // The arithmetic of the method on one device: its memory, and one virtual for each pipeline step.
 //
 // Errors. Ops return nothing. The backend keeps its first error (on CUDA, a fatal one replaces one
@@ -137,11 +141,11 @@ class Backend {
   // when they return.
   virtual int queue_depth() const = 0;
   // Returns a backend of the same device with a queue and errors of its own, for what another
-  // thread computes meanwhile. Null where queue_depth() is 0, and where it could not be made. Ops
-  // of one may read memory of the other: it must have been written before a Sync of its backend,
-  // and must not be freed or changed before a Sync of the reader. bytes_in_use() and
-  // peak_bytes_in_use() of both are those of both together.
-  virtual std::unique_ptr<Backend> MakeTwin() const = 0;
+  // thread computes meanwhile. priority: of its queue, against that of this one. Null where
+  // queue_depth() is 0, and where it could not be made. Ops of one may read memory of the other: it
+  // must have been written before a Sync of its backend, and must not be freed or changed before a
+  // Sync of the reader. bytes_in_use() and peak_bytes_in_use() of both are those of both together.
+  virtual std::unique_ptr<Backend> MakeTwin(QueuePriority priority) const = 0;
 
   // Each op is described at its arguments. kernels/cpu and kernels/cuda have it in a file named
   // after it or after its header in kernels/ops.

@@ -79,7 +79,7 @@ FeatureTrainer::FeatureTrainer(Backend& backend, PreparedFeatures prepared,
       options_(options),
       prepared_(std::move(prepared)),
       optimizer_(backend, prepared_, initial, options),
-      batches_(prepared_, options, backend.MakeTwin()),
+      batches_(prepared_, options, backend.MakeTwin(QueuePriority::kSame)),
       skipped_(prepared_.skipped),
       window_(Convergence::Window(static_cast<int>(prepared_.views.size()))),
       losses_(options.min_loss_fall) {}

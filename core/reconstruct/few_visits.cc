@@ -14,7 +14,6 @@ constexpr double kMoreMeanRate = 2;
 constexpr double kMoreRate = 3;         // of log scales and colours
 constexpr double kLessGradient = 0.25;  // from which a Gaussian is densified
 constexpr double kFasterDecay = 10;     // of the second moments of Adam
-constexpr double kFewestSteps = 0.7;    // share of the steps that is done at the least
 
 }  // namespace
 
@@ -33,7 +32,8 @@ ReconstructOptions WithFewVisits(ReconstructOptions options, const ViewPixels& v
   const double megapixels = MegapixelsPerStep(options, views);
   if (visits < options.few_visits / 2 && options.coarse_until < kMaxCoarseUntil &&
       options.megapixels_per_step > 0 && megapixels > 0) {
-    const double left = std::clamp(options.megapixels_per_step / megapixels, kFewestSteps, 1.0);
+    const double left =
+        std::clamp(options.megapixels_per_step / megapixels, options.few_visits_steps, 1.0);
     options.num_steps = static_cast<int>(std::lround(left * options.num_steps));
   }
   return options;

@@ -24,6 +24,7 @@ void VisitOptions(ReconstructOptions& o, OptionVisitor visit) {
   visit({"sh_learning_rate", &o.sh_learning_rate, kRate});
   visit({"second_moment_decay", &o.second_moment_decay, Range{0.5, 0.9999}});
   visit({"few_visits", &o.few_visits, kSize});
+  visit({"few_visits_steps", &o.few_visits_steps, kShare});
   visit({"dropout", &o.dropout, Range{0, 0.9}});
   visit({"dropout_until", &o.dropout_until, kShare});
   visit({"blurred_share", &o.blurred_share, kShare});

@@ -76,6 +76,9 @@ struct ReconstructOptions {
   // densify_gradient lowered, and second_moment_decay is shortened, on more than 100 training views
   // (WithFewVisits). 0: never. Measured: tests/bench/results/real_size.md.
   double few_visits = 135;
+  // Share of num_steps that is done at the least on large photographs with rates raised whole, see
+  // WithFewVisits.
+  double few_visits_steps = 0.7;
   // Share of the Gaussians that each step leaves out (Park et al. 2025, "DropGaussian"), so
   // that no photograph can be explained by a few Gaussians close to its camera. 0: none.
   // Measured: tests/bench/results/dropout.md.

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <new>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -23,9 +25,23 @@ namespace {
 constexpr int64_t kVisits = 18, kFirstPercent = 15, kLastPercent = 55;
 constexpr int64_t kLatestPercent = 70;  // a training that resumes later gets no field
 constexpr int kLeastSteps = 1000;  // of stage one; a shorter one ends before the field is there
-constexpr size_t kMostViews = 96;  // that the field learns from
-constexpr int kStepsOfView = 20;   // steps of the field, for each of them
-constexpr int kShDegree = 1;       // most degrees that are kept, as the model is to be read soon
+constexpr size_t kMostViews = 64;  // that the field learns from
+constexpr int kFieldSteps = 960;   // of the field
+// Least opacity of Gaussians, and most degrees of their harmonics, that are kept: the model is to
+// be trained, written and read soon.
+constexpr float kLeastOpacity = 0.04f;
+constexpr int kShDegree = 1;
+
+// Returns the view without what perception alone reads.
+View WithoutCues(const View& view) {
+  View light;
+  light.name = view.name;
+  light.camera = view.camera;
+  light.cam_from_world = view.cam_from_world;
+  light.ignore = view.ignore;
+  light.masks = view.masks;
+  return light;
+}
 
 // Returns the capture with some of the views alone that stage two learns from, at even distances.
 Capture FewViews(const Capture& capture) {
@@ -35,15 +51,14 @@ Capture FewViews(const Capture& capture) {
   few.origin = capture.origin;
   const size_t num = std::min(kMostViews, trained.size());
   for (size_t i = 0; i < num; ++i) {
-    few.views.push_back(capture.views[trained[i * trained.size() / num]]);
+    few.views.push_back(WithoutCues(capture.views[trained[i * trained.size() / num]]));
   }
   return few;
 }
 
 // Leaves out what a short training has no time for, or no use.
-FeatureOptions ShortOptions(FeatureOptions options, size_t num_views) {
-  options.num_steps =
-      std::clamp(kStepsOfView * static_cast<int>(num_views), 1, std::max(1, options.num_steps));
+FeatureOptions ShortOptions(FeatureOptions options) {
+  options.num_steps = std::min(kFieldSteps, options.num_steps);
   options.perception_weight = 0;
   options.centroid_weight_upper = 0;
   options.centroid_weight_lower = 0;
@@ -57,11 +72,17 @@ int64_t DueStep(int64_t num_views, int64_t num_steps) {
                     num_steps * kLastPercent / 100);
 }
 
-// The planes of the higher degrees come last.
-Gaussians WithFewDegrees(Gaussians gaussians) {
+// Returns the Gaussians that show, with few degrees. The planes of the higher degrees come last.
+Gaussians ThatShow(Gaussians gaussians) {
   gaussians.sh_degree = std::min(gaussians.sh_degree, kShDegree);
   gaussians.planes.resize(static_cast<size_t>(NumPlanes(gaussians.sh_degree) * gaussians.count));
-  return gaussians;
+  const float least = std::log(kLeastOpacity / (1 - kLeastOpacity));
+  const std::span<const float> logits = std::as_const(gaussians).Plane(kOpacityPlane);
+  std::vector<int64_t> rows;
+  for (int64_t i = 0; i < gaussians.count; ++i) {
+    if (logits[i] >= least) rows.push_back(i);
+  }
+  return gaussians.Select(rows);
 }
 
 }  // namespace
@@ -75,9 +96,9 @@ std::unique_ptr<Backend> QueueForEarlyField(const Backend& backend, const Captur
   const int64_t need =
       EstimateReconstruct(backend, size, reconstruct).device_bytes +
       TypicalFeatureDeviceBytes(backend, MostGaussians(size, reconstruct), size.max_pixels,
-                                kShDegree, ShortOptions(features, kMostViews));
+                                kShDegree, ShortOptions(features));
   if (backend.memory().free_bytes < need) return nullptr;
-  return backend.MakeTwin();
+  return backend.MakeTwin(QueuePriority::kFirst);
 }
 
 EarlyField::EarlyField(Scene scene, GaussianTrainer& trainer, std::unique_ptr<Backend> twin,
@@ -105,7 +126,7 @@ void EarlyField::Advance(const StepReport& report) {
   if (100 * report.step > kLatestPercent * report.num_steps) return;
   made_ = std::async(std::launch::async, [this, report, gaussians = trainer_.Result()]() mutable {
     try {
-      return Make(WithFewDegrees(std::move(gaussians)), report);
+      return Make(ThatShow(std::move(gaussians)), report);
     } catch (const std::bad_alloc&) {  // of the standard library
       return absl::Status(absl::ResourceExhaustedError("the machine is out of memory"));
     }
@@ -118,9 +139,8 @@ absl::Status EarlyField::Make(Gaussians gaussians, const StepReport& at) const {
   model.gaussians = std::move(gaussians);
   model.metrics[kEarlyStep] = static_cast<double>(at.step);
   model.metrics[kEarlyNumSteps] = static_cast<double>(at.num_steps);
-  ASSIGN_OR_RETURN(const auto trainer,
-                   FeatureTrainer::Create(*twin_, few, model.gaussians,
-                                          ShortOptions(scene_.features, few.views.size())));
+  ASSIGN_OR_RETURN(const auto trainer, FeatureTrainer::Create(*twin_, few, model.gaussians,
+                                                              ShortOptions(scene_.features)));
   while (!trainer->done()) {
     if (stopped_) return absl::CancelledError("stage one has ended");
     RETURN_IF_ERROR(trainer->Step().status());

@@ -51,7 +51,7 @@ class CpuBackend final : public Backend {
   }
   void WaitFor(int64_t) override {}
   int queue_depth() const override { return 0; }
-  std::unique_ptr<Backend> MakeTwin() const override { return nullptr; }
+  std::unique_ptr<Backend> MakeTwin(QueuePriority /*priority*/) const override { return nullptr; }
 
   void Render(const RenderArgs& args) override;
   void ImageLoss(const ImageLossArgs& args) override;

@@ -14,15 +14,18 @@ namespace pepeseg {
 
 // Sets up the device. After an error the rest fails as well; the first error is kept, and
 // MakeCudaBackend reports it.
-CudaBackend::CudaBackend(const CudaOptions& options, std::shared_ptr<CudaMemoryUse> use)
-    : options_(options), use_(use != nullptr ? std::move(use) : std::make_shared<CudaMemoryUse>()) {
+CudaBackend::CudaBackend(const CudaOptions& options, std::shared_ptr<CudaMemoryUse> use,
+                         int stream_priority)
+    : options_(options),
+      use_(use != nullptr ? std::move(use) : std::make_shared<CudaMemoryUse>()),
+      stream_priority_(stream_priority) {
   Keep(cudaSetDevice(options.device), "setting the device");
   cudaDeviceProp properties = {};
   Keep(cudaGetDeviceProperties(&properties, options.device),
        "reading the properties of the device");
   device_name_ = properties.name;
-  Keep(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "creating a stream");
-  Keep(cudaStreamCreateWithFlags(&side_stream_, cudaStreamNonBlocking), "creating a stream");
+  OpenStream(stream_);
+  OpenStream(side_stream_);
   for (cudaEvent_t& event : readbacks_) {
     Keep(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "creating an event");
   }
@@ -61,9 +64,15 @@ CudaBackend::~CudaBackend() {
 
 // Returns none if kernels are timed: each time is that between two events of this backend, and
 // would hold kernels of the twin.
-std::unique_ptr<Backend> CudaBackend::MakeTwin() const {
+std::unique_ptr<Backend> CudaBackend::MakeTwin(QueuePriority priority) const {
   if (options_.kernel_times != nullptr) return nullptr;
-  auto twin = std::make_unique<CudaBackend>(options_, use_);
+  int stream_priority = stream_priority_, lowest = 0, highest = 0;
+  // Without an answer both are 0: all streams are alike.
+  if (priority == QueuePriority::kFirst &&
+      cudaDeviceGetStreamPriorityRange(&lowest, &highest) == cudaSuccess) {
+    stream_priority = highest;
+  }
+  auto twin = std::make_unique<CudaBackend>(options_, use_, stream_priority);
   if (!twin->error().empty()) return nullptr;
   return twin;
 }
@@ -200,11 +209,16 @@ void CudaBackend::Sequence(int key, const std::function<void()>& ops) {
   freed_while_recording_.clear();
 }
 
+// Creates a stream with the priority of this backend.
+void CudaBackend::OpenStream(cudaStream_t& stream) {
+  Keep(cudaStreamCreateWithPriority(&stream, cudaStreamNonBlocking, stream_priority_),
+       "creating a stream");
+}
+
 // Creates the stream and the event of a branch where they do not exist yet.
 void CudaBackend::OpenBranch(int branch) {
   if (branch > 0 && branch_streams_[branch] == nullptr) {
-    Keep(cudaStreamCreateWithFlags(&branch_streams_[branch], cudaStreamNonBlocking),
-         "creating a stream");
+    OpenStream(branch_streams_[branch]);
   }
   if (branch_ends_[branch] == nullptr) {
     Keep(cudaEventCreateWithFlags(&branch_ends_[branch], cudaEventDisableTiming),

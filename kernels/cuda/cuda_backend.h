@@ -89,7 +89,10 @@ struct CudaMemoryUse {
 class CudaBackend final : public Backend {
  public:
   // use: the memory of the backend that this one is a twin of; null: of none.
-  explicit CudaBackend(const CudaOptions& options, std::shared_ptr<CudaMemoryUse> use = nullptr);
+  // use: of its twins; null: it has none. stream_priority: of its streams, see
+  // cudaStreamCreateWithPriority.
+  explicit CudaBackend(const CudaOptions& options, std::shared_ptr<CudaMemoryUse> use = nullptr,
+                       int stream_priority = 0);
   ~CudaBackend() override;
 
   std::string name() const override;
@@ -116,7 +119,7 @@ class CudaBackend final : public Backend {
   int64_t CopyToHostLater(void* to_pinned, const void* from, size_t num_bytes) override;
   void WaitFor(int64_t ticket) override;
   int queue_depth() const override { return 8; }
-  std::unique_ptr<Backend> MakeTwin() const override;
+  std::unique_ptr<Backend> MakeTwin(QueuePriority priority) const override;
 
   void Render(const RenderArgs& args) override;
   void ImageLoss(const ImageLossArgs& args) override;
@@ -188,6 +191,7 @@ class CudaBackend final : public Backend {
   // launch and, when kernels are timed, records an event. nullptr marks the begin of an op.
   void Launched(const char* kernel);
   void LaunchSequence(int key, cudaGraph_t graph);
+  void OpenStream(cudaStream_t& stream);
   void OpenBranch(int branch);
   // Adds the times of the kernels launched since the last call. The stream must have been waited
   // for.
@@ -228,6 +232,7 @@ class CudaBackend final : public Backend {
   std::string error_;
   bool fatal_ = false;  // BackendError::fatal of error_
   const std::shared_ptr<CudaMemoryUse> use_;
+  const int stream_priority_;
   // While a sequence is recorded, memory is allocated on the side stream, which is not recorded,
   // and freed when the recording is over: the graph must hold neither.
   bool recording_ = false;

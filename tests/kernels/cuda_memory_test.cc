@@ -1,4 +1,4 @@
-// Out of memory on the device, and memory returned to it.
+// Out of memory on the device, memory returned to it, and memory of twins.
 #include <gtest/gtest.h>
 
 #include <cstdint>
@@ -44,6 +44,36 @@ TEST_F(CudaMemoryTest, ReleasesFreedMemoryToTheDevice) {
   cuda_->ReleaseFreed();
   EXPECT_EQ(cuda_->error(), "");
   EXPECT_FALSE(Buffer<float>(*cuda_, size).empty());
+}
+
+TEST_F(CudaMemoryTest, CountsThatOfTwins) {
+  const std::vector<float> values = {1, 2, 3};
+  const Buffer<float> own(*cuda_, std::span<const float>(values));
+  const size_t in_use = cuda_->bytes_in_use();
+  for (const QueuePriority priority : {QueuePriority::kSame, QueuePriority::kFirst}) {
+    const auto twin = cuda_->MakeTwin(priority);
+    ASSERT_NE(twin, nullptr);
+    EXPECT_EQ(twin->bytes_in_use(), in_use);
+    {
+      const Buffer<float> of_twin(*twin, std::span<const float>(values));
+      EXPECT_EQ(cuda_->bytes_in_use(), in_use + values.size() * sizeof(float));
+      EXPECT_EQ(twin->bytes_in_use(), cuda_->bytes_in_use());
+      std::vector<float> read(values.size());
+      of_twin.Download(read);
+      EXPECT_EQ(read, values);
+      EXPECT_EQ(twin->error(), "");
+    }
+    EXPECT_EQ(cuda_->bytes_in_use(), in_use);
+  }
+}
+
+TEST_F(CudaMemoryTest, KeepsErrorsOfTwinsApart) {
+  const auto twin = cuda_->MakeTwin(QueuePriority::kFirst);
+  ASSERT_NE(twin, nullptr);
+  Buffer<float> too_large;
+  EXPECT_FALSE(too_large.Reserve(*twin, twin->memory().total_bytes / 2));
+  EXPECT_NE(twin->error(), "");
+  EXPECT_EQ(cuda_->error(), "");
 }
 
 }  // namespace

@@ -148,7 +148,11 @@ void Apply(Preset preset, ReconstructOptions& reconstruct, FeatureOptions& featu
     // Fewer Gaussians train faster and overfit less: tests/bench/results/peak_quality.md.
     reconstruct.num_steps = 30000;
     reconstruct.pixels_per_gaussian = 75;
-    reconstruct.megapixels_per_step = 0;  // not measured with as many steps
+    // On more than 100 training views rates are always raised, and large photographs are trained on
+    // at smaller sizes first and for about half of the steps: tests/bench/results/real_size.md.
+    reconstruct.few_visits = 900;
+    reconstruct.few_visits_steps = 14.0 / 30;
+    reconstruct.full_size_visits = 1'000'000;  // on fewer views: all steps
     reconstruct.log_scale_learning_rate = 7.5e-3f;
     reconstruct.opacity_learning_rate = 3.5e-2f;
     // Photographs that are few or noisy: tests/bench/results/peak_quality.md.

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <string>
 #include <thread>
@@ -93,6 +95,9 @@ TEST_F(EarlyFieldTest, IsWrittenAsAModelOfTheGaussiansSoFar) {
   EXPECT_EQ(model.metrics.at(kEarlyNumSteps), 100);
   EXPECT_EQ(model.views.size(), capture_.views.size());
   EXPECT_LE(model.gaussians.sh_degree, 1);
+  EXPECT_LE(model.gaussians.count, trainer_->Result().count);
+  const auto logits = model.gaussians.Plane(kOpacityPlane);
+  EXPECT_GE(*std::ranges::min_element(logits), std::log(0.04f / 0.96f) - 1e-3);
   EXPECT_EQ(model.field.features.size(), static_cast<size_t>(model.gaussians.count) * kFeatureDim);
   EXPECT_FALSE(model.field.scale_quantiles.empty());
 }

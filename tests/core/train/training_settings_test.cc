@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/reconstruct/few_visits.h"
 #include "tests/testing/status_testing.h"
 
 namespace pepeseg {
@@ -142,6 +143,25 @@ TEST(Presets, TrainLongerAndWithFewerGaussiansForTheBest) {
   EXPECT_GT(best.pixels_per_gaussian, standard.pixels_per_gaussian);
   EXPECT_EQ(preview.dropout, 0);
   EXPECT_GT(best.dropout, standard.dropout);
+}
+
+// tests/bench/results/real_size.md.
+TEST(Presets, TrainForHalfOfTheStepsOfTheBestOnManyLargePhotographs) {
+  ReconstructOptions best;
+  FeatureOptions features;
+  Apply(Preset::kBest, best, features);
+  const ReconstructOptions many = FitToViews(best, {218, 1e6});
+  EXPECT_GE(many.num_steps, 14'000);
+  EXPECT_LE(many.num_steps, 16'000);
+  EXPECT_EQ(many.coarse_until, 0.5);
+  EXPECT_FLOAT_EQ(many.log_scale_learning_rate, 3 * best.log_scale_learning_rate);
+  for (const ViewPixels small : {ViewPixels{100, 1e6}, ViewPixels{17, 12e6}}) {
+    const ReconstructOptions few = FitToViews(best, small);
+    EXPECT_EQ(few.num_steps, best.num_steps);
+    EXPECT_EQ(few.coarse_until, 0);
+    EXPECT_EQ(few.pixels_per_gaussian, best.pixels_per_gaussian);
+    EXPECT_EQ(few.log_scale_learning_rate, best.log_scale_learning_rate);
+  }
 }
 
 }  // namespace

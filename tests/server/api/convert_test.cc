@@ -203,7 +203,7 @@ TEST(TrainingOptions, DecidesEveryOptionForThePaper) {
          "prune_opacity", "prune_size", "opacity_reset_every", "depth_local_form", "depth_window",
          "refine_from", "refine_candidates", "coarse_until",
          // Without effect in the preset.
-         "opacity_decay", "closing_share", "dropout_until", "full_size_visits",
+         "opacity_decay", "closing_share", "dropout_until", "full_size_visits", "few_visits_steps",
          // Options of the run, the device or the capture.
          "num_random_points", "seed", "photographs_on_host", "capture_kind"});
   check("features.", {"num_steps", "num_pixels", "num_scales", "centroid_from", "centroid_every",
