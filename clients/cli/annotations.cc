@@ -51,13 +51,17 @@ absl::Status UnpackAnnotations(const std::string& zip, v1::AnnotationFormat form
 
 void AddAnnotationFlags(CLI::App& verb, AnnotationFlags& flags) {
   AddNamesFlag(verb, "--labels", flags.labels, "Ids of the labels; by default all");
+  verb.add_option("--segments", flags.level,
+                  "Level of a decomposition whose segments are the things in place of the labels, "
+                  "from 0, the finest; --scales has its scales")
+      ->check(CLI::NonNegativeNumber);
   AddNamesFlag(verb, "--views", flags.views,
                "Views of the masks: names, all or held-out; by default all");
   verb.add_flag("!--no-sam-borders", flags.sam_borders,
                 "Leave the borders of the masks to the model where SAM would place them");
   verb.add_option(
       "--table", flags.table,
-      "CSV file for a table of the labels: id, parent (the thing that it is a part of), name, "
+      "CSV file for a table of the things: id, parent (the thing that it is a part of), name, "
       "category, instance, track, Gaussians, views that show it, its pixels in them, and its box "
       "in scene units");
 }
@@ -70,7 +74,7 @@ std::vector<std::string> AnnotationFormats() {
 
 absl::Status FetchAnnotations(const Shell& shell, const std::string& model,
                               const std::string& format, const std::string& file,
-                              const AnnotationFlags& flags) {
+                              const AnnotationFlags& flags, const std::vector<double>& scales) {
   const auto* const found = std::ranges::find_if(
       kAnnotationFormats, [&](const AnnotationFormat& known) { return format == known.word; });
   if (found == std::ranges::end(kAnnotationFormats)) {
@@ -80,6 +84,10 @@ absl::Status FetchAnnotations(const Shell& shell, const std::string& model,
   request.set_model(model);
   request.set_format(found->format);
   request.mutable_labels()->Add(flags.labels.begin(), flags.labels.end());
+  if (flags.level >= 0) {
+    request.mutable_segments()->set_level(flags.level);
+    request.mutable_segments()->mutable_scales()->Add(scales.begin(), scales.end());
+  }
   if (!flags.views.empty()) SetTargets(flags.views, *request.mutable_targets());
   if (!flags.sam_borders) request.set_sam_borders(false);
   request.set_table(!flags.table.empty());
@@ -99,14 +107,15 @@ absl::Status FetchAnnotations(const Shell& shell, const std::string& model,
     fs::remove(zip, ignored);
   }
   RETURN_IF_ERROR(unpacked);
+  const char* const things = flags.level >= 0 ? "segments" : "labels";
   if (shell.json) {
     Print(nlohmann::ordered_json{{"file", file},
                                  {"format", format},
-                                 {"labels", header.num_labels()},
+                                 {things, header.num_things()},
                                  {"views", header.num_views()}}
               .dump());
   } else {
-    Print(absl::StrFormat("%s: %d labels in %d views, %s", file, header.num_labels(),
+    Print(absl::StrFormat("%s: %d %s in %d views, %s", file, header.num_things(), things,
                           header.num_views(), format));
   }
   return absl::OkStatus();

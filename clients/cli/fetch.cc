@@ -152,17 +152,18 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
     const bool of_all = subset.of_case() == v1::Subset::OF_NOT_SET && !flags.segment_ids;
     if (of_all) {
       return FetchAnnotations(shell, ModelName(flags.scene, flags.model), flags.format, flags.file,
-                              flags.annotations);
+                              flags.annotations, flags.subset.scales);
     }
     return absl::InvalidArgumentError(absl::StrCat(
         "--format ", flags.format,
         " has the masks of labels: leave out --selection, --segment, --without and --segment-ids"));
   }
   const AnnotationFlags& of_masks = flags.annotations;
-  if (!of_masks.views.empty() || !of_masks.labels.empty() || !of_masks.table.empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("--views, --labels and --table are of masks: name their --format, ",
-                     absl::StrJoin(AnnotationFormats(), ", ")));
+  if (!of_masks.views.empty() || !of_masks.labels.empty() || !of_masks.table.empty() ||
+      of_masks.level >= 0) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--views, --labels, --segments and --table are of masks: name their --format, ",
+        absl::StrJoin(AnnotationFormats(), ", ")));
   }
   v1::ExportGaussiansRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));

@@ -42,6 +42,7 @@ class CocoWriter final : public AnnotationWriter {
  private:
   absl::Status AddMask(const AnnotatedView& view, const AnnotatedThing& thing,
                        const std::string& counts) {
+    if (ShowNothing(counts, view.size)) return absl::OkStatus();
     ASSIGN_OR_RETURN(const BinaryMask mask, MaskOfCounts(counts, view.size));
     const MaskExtent extent = ExtentOf(mask, view.size);
     if (extent.area == 0) return absl::OkStatus();

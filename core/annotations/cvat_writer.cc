@@ -78,6 +78,7 @@ class CvatWriter final : public AnnotationWriter {
                     XmlText(scene_.views[view.index]), "\" width=\"", view.size.width,
                     "\" height=\"", view.size.height, "\">\n");
     for (size_t t = 0; t < scene_.things.size(); ++t) {
+      if (ShowNothing(view.counts[t], view.size)) continue;
       const AnnotatedThing& thing = scene_.things[t];
       ASSIGN_OR_RETURN(const BinaryMask mask, MaskOfCounts(view.counts[t], view.size));
       const MaskExtent box = ExtentOf(mask, view.size);

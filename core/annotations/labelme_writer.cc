@@ -20,6 +20,7 @@ class LabelMeWriter final : public AnnotationWriter {
   absl::Status Add(const AnnotatedView& view) override {
     ShapeJson shapes = ShapeJson::array();
     for (size_t t = 0; t < scene_.things.size(); ++t) {
+      if (ShowNothing(view.counts[t], view.size)) continue;
       const AnnotatedThing& thing = scene_.things[t];
       ASSIGN_OR_RETURN(const BinaryMask mask, MaskOfCounts(view.counts[t], view.size));
       for (const Polygon& polygon : PolygonsOf(mask.pixels, view.size)) {

@@ -11,7 +11,7 @@
 namespace pepeseg {
 namespace {
 
-// Writes LABEL/STEM.png for each label and view, and things.json.
+// Writes LABEL/STEM.png for each label and view, of segments where they are seen, and things.json.
 class MaskWriter final : public AnnotationWriter {
  public:
   MaskWriter(const AnnotatedScene& scene, ZipWriter& zip)
@@ -19,6 +19,7 @@ class MaskWriter final : public AnnotationWriter {
 
   absl::Status Add(const AnnotatedView& view) override {
     for (size_t t = 0; t < scene_.things.size(); ++t) {
+      if (scene_.are_segments && ShowNothing(view.counts[t], view.size)) continue;
       ASSIGN_OR_RETURN(BinaryMask mask, MaskOfCounts(view.counts[t], view.size));
       for (uint8_t& pixel : mask.pixels) pixel = pixel != 0 ? 255 : 0;
       ASSIGN_OR_RETURN(const std::string png,
@@ -53,6 +54,7 @@ class IdWriter final : public AnnotationWriter {
     // Large things first, so that small ones stay on top of them.
     std::vector<int64_t> areas(scene_.things.size());
     for (size_t t = 0; t < areas.size(); ++t) {
+      if (ShowNothing(view.counts[t], view.size)) continue;
       ASSIGN_OR_RETURN(const BinaryMask mask, MaskOfCounts(view.counts[t], view.size));
       areas[t] = std::count(mask.pixels.begin(), mask.pixels.end(), 1);
     }
@@ -62,6 +64,7 @@ class IdWriter final : public AnnotationWriter {
                      [&](size_t a, size_t b) { return areas[a] > areas[b]; });
     std::vector<uint16_t> ids(static_cast<size_t>(view.size.width) * view.size.height, 0);
     for (const size_t t : order) {
+      if (areas[t] == 0) break;
       ASSIGN_OR_RETURN(const BinaryMask mask, MaskOfCounts(view.counts[t], view.size));
       for (size_t i = 0; i < ids.size(); ++i) {
         if (mask.pixels[i] != 0) ids[i] = static_cast<uint16_t>(scene_.things[t].track);

@@ -57,6 +57,11 @@ absl::StatusOr<BinaryMask> MaskOfCounts(absl::string_view counts, const RasterSi
   return mask;
 }
 
+bool ShowNothing(absl::string_view counts, const RasterSize& size) {
+  const int64_t all[] = {int64_t{size.width} * size.height};
+  return counts == EncodeCocoCounts(all);
+}
+
 MaskExtent ExtentOf(const BinaryMask& mask, const RasterSize& size) {
   MaskExtent extent{0, size.width, size.height, 0, 0};
   int right = 0, bottom = 0;

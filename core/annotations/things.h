@@ -40,6 +40,9 @@ struct AnnotatedScene {
   std::string name;
   std::vector<AnnotatedThing> things;
   std::vector<std::string> views;  // names
+  // The things are segments of one level: their masks do not overlap, and most views show few of
+  // many.
+  bool are_segments = false;
 };
 
 // The masks of a view.
@@ -51,6 +54,9 @@ struct AnnotatedView {
 
 // Returns the mask of run lengths. INVALID_ARGUMENT: they are malformed, or do not fill it.
 absl::StatusOr<BinaryMask> MaskOfCounts(absl::string_view counts, const RasterSize& size);
+
+// Returns whether run lengths are those of an empty mask.
+bool ShowNothing(absl::string_view counts, const RasterSize& size);
 
 // Returns the number of pixels of a mask, 0 or 1 each, and the smallest box around them.
 struct MaskExtent {

@@ -58,7 +58,7 @@ ThingsTable::ThingsTable(const AnnotatedScene& scene)
     : scene_(scene),
       num_views_(scene.things.size(), 0),
       num_pixels_(scene.things.size(), 0),
-      overlaps_(scene.things.size() * scene.things.size()) {}
+      overlaps_(scene.are_segments ? 0 : scene.things.size() * scene.things.size()) {}
 
 absl::Status ThingsTable::Add(const AnnotatedView& view) {
   std::vector<std::vector<ColumnRun>> runs;
@@ -69,7 +69,7 @@ absl::Status ThingsTable::Add(const AnnotatedView& view) {
     areas.push_back(AreaOf(runs.back()));
     num_pixels_[t] += areas[t];
     num_views_[t] += areas[t] > 0 ? 1 : 0;
-    for (size_t earlier = 0; earlier < t; ++earlier) {
+    for (size_t earlier = 0; earlier < t && !scene_.are_segments; ++earlier) {
       if (areas[earlier] == 0 || areas[t] == 0) continue;
       Overlap& overlap = overlaps_[earlier * scene_.things.size() + t];
       overlap.common += CommonOf(runs[earlier], runs[t]);
@@ -89,7 +89,7 @@ ThingsTable::Overlap ThingsTable::Of(size_t thing, size_t other) const {
 
 std::optional<size_t> ThingsTable::ParentOf(size_t thing) const {
   std::optional<size_t> parent;
-  for (size_t other = 0; other < scene_.things.size(); ++other) {
+  for (size_t other = 0; other < scene_.things.size() && !overlaps_.empty(); ++other) {
     if (other == thing) continue;
     const Overlap overlap = Of(thing, other);
     const bool is_in = overlap.common > 0 && 10 * overlap.common >= 9 * overlap.first &&
@@ -105,9 +105,11 @@ std::string ThingsTable::Csv(const std::vector<ThingGaussians>& gaussians) const
       "min_x,min_y,min_z,max_x,max_y,max_z\n";
   for (size_t t = 0; t < scene_.things.size(); ++t) {
     const AnnotatedThing& thing = scene_.things[t];
-    const std::optional<size_t> parent = ParentOf(t);
+    const std::optional<size_t> around = ParentOf(t);
+    const std::string parent =
+        gaussians[t].parent.value_or(around ? scene_.things[*around].id : "");
     std::vector<std::string> cells = {CsvCell(thing.id),
-                                      parent ? CsvCell(scene_.things[*parent].id) : "",
+                                      CsvCell(parent),
                                       CsvCell(thing.text),
                                       CsvCell(thing.category),
                                       absl::StrCat(thing.instance),

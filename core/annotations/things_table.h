@@ -16,6 +16,8 @@ struct ThingGaussians {
   int64_t count = 0;
   // Lowest and highest corner of the box of their means, scene units. Not used without Gaussians.
   std::array<double, 3> min = {}, max = {};
+  // Id of what the thing is a part of. Absent: what the masks say.
+  std::optional<std::string> parent = std::nullopt;
 };
 
 // A table of all things: where they are, how large, in which views, and what they are parts of.
@@ -28,7 +30,7 @@ class ThingsTable {
   absl::Status Add(const AnnotatedView& view);
 
   // Returns the smallest thing that has nine tenths of a thing's pixels, in views that show both,
-  // and is larger there; nullopt: there is none.
+  // and is larger there; nullopt: there is none, or the things are segments.
   std::optional<size_t> ParentOf(size_t thing) const;
 
   // Returns a header and a line for each thing as CSV. `gaussians` has each thing's.
@@ -44,7 +46,7 @@ class ThingsTable {
 
   const AnnotatedScene& scene_;
   std::vector<int64_t> num_views_, num_pixels_;
-  std::vector<Overlap> overlaps_;  // [thing][other], other > thing
+  std::vector<Overlap> overlaps_;  // [thing][other], other > thing; empty: segments
 };
 
 }  // namespace pepeseg

@@ -25,6 +25,7 @@ class YoloWriter final : public AnnotationWriter {
     std::string lines;
     int line = 0;
     for (size_t t = 0; t < scene_.things.size(); ++t) {
+      if (ShowNothing(view.counts[t], view.size)) continue;
       ASSIGN_OR_RETURN(const BinaryMask mask, MaskOfCounts(view.counts[t], view.size));
       const Polygon polygon = Joined(PolygonsOf(mask.pixels, view.size));
       if (polygon.empty()) continue;

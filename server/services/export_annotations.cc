@@ -7,6 +7,8 @@
 #include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "server/api/error.h"
+#include "server/services/labelled_views.h"
+#include "server/services/segmented_level.h"
 
 namespace pepeseg {
 namespace {
@@ -58,9 +60,10 @@ absl::Status ExportAnnotationsStream::Open() {
     return cancelled() ? absl::CancelledError("nobody waits for the annotations")
                        : absl::OkStatus();
   };
-  ASSIGN_OR_RETURN(
-      views_,
-      LabelledViews::Begin(deps_.tools, {absl::ZeroDuration(), caller_.scenes, check}, request_));
+  const QueryCall call = {absl::ZeroDuration(), caller_.scenes, check};
+  ASSIGN_OR_RETURN(views_, request_.has_segments()
+                               ? SegmentedLevel::Begin(deps_.tools, call, request_)
+                               : LabelledViews::Begin(deps_.tools, call, request_));
   writer_ = MakeAnnotationWriter(format, views_->scene(), zip_);
   if (request_.table()) table_.emplace(views_->scene());
   return Reserve();
@@ -79,8 +82,8 @@ absl::Status ExportAnnotationsStream::Reserve() {
   return absl::OkStatus();
 }
 
-absl::StatusOr<bool> ExportAnnotationsStream::SegmentSome() {
-  ASSIGN_OR_RETURN(const bool progressed, views_->SegmentSome());
+absl::StatusOr<bool> ExportAnnotationsStream::FindSome() {
+  ASSIGN_OR_RETURN(const bool progressed, views_->FindSome());
   for (const AnnotatedView& view : views_->TakeComplete()) {
     if (cancelled()) return absl::CancelledError("nobody waits for the annotations");
     RETURN_IF_ERROR(writer_->Add(view));
@@ -99,7 +102,7 @@ absl::Status ExportAnnotationsStream::Finish() {
   ASSIGN_OR_RETURN(file_, std::move(zip_).Finish());
   v1::ExportAnnotationsResponse::Header& header = *message_.mutable_header();
   header.set_model(views_->model().name);
-  header.set_num_labels(static_cast<int32_t>(views_->scene().things.size()));
+  header.set_num_things(static_cast<int32_t>(views_->scene().things.size()));
   header.set_num_views(static_cast<int32_t>(views_->scene().views.size()));
   header.set_num_bytes(static_cast<int64_t>(file_->size()));
   header.set_sha256(Sha256Hex(*file_));
@@ -127,7 +130,7 @@ Stream::Step ExportAnnotationsStream::Work(bool) {
     return Continue();
   }
   if (!views_->done()) {
-    const absl::StatusOr<bool> progressed = SegmentSome();
+    const absl::StatusOr<bool> progressed = FindSome();
     if (!progressed.ok()) return {Next::kEnd, progressed.status()};
     if (!*progressed) return Continue();
     message_.mutable_progress()->set_num_masks_done(views_->num_masks_done());

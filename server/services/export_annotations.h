@@ -16,12 +16,13 @@
 #include "server/rpc/call_runner.h"
 #include "server/rpc/stream.h"
 #include "server/rpc/stream_registry.h"
-#include "server/services/labelled_views.h"
+#include "server/services/annotated_views.h"
 #include "server/services/model_loader.h"
+#include "server/services/segment_answer.h"
 
 namespace pepeseg {
 
-// An ExportAnnotations call, on the pool `evaluation`. Segments one view of one label at a time,
+// An ExportAnnotations call, on the pool `evaluation`. Finds the masks of one view at a time,
 // between which the pool turns to others, makes the zip in memory that is reserved in the models'
 // memory budget as it grows, and then sends it. The work ends when the call is cancelled. A reader
 // that does not take a message for StreamLimits::stuck_export loses the stream.
@@ -41,9 +42,9 @@ class ExportAnnotationsStream final : public WriteStream<v1::ExportAnnotationsRe
   absl::Duration io_limit() const override { return deps_.runner.streams().limits().stuck_export; }
   void CancelCall() override { call_->TryCancel(); }
   absl::Status Open();
-  // Segments a view, and adds what has become complete to the zip. Returns true if there is
-  // progress to report.
-  absl::StatusOr<bool> SegmentSome();
+  // Finds masks, and adds what has become complete to the zip. Returns true if there is progress to
+  // report.
+  absl::StatusOr<bool> FindSome();
   // Ends the zip and fills the header.
   absl::Status Finish();
   // Reserves memory for what the zip takes by now.
@@ -57,7 +58,7 @@ class ExportAnnotationsStream final : public WriteStream<v1::ExportAnnotationsRe
   AuthorizedCaller caller_;
   const v1::ExportAnnotationsRequest request_;
   // The writer refers to the zip and the scene of the views, as the table does.
-  std::unique_ptr<LabelledViews> views_;
+  std::unique_ptr<AnnotatedViews> views_;
   ZipWriter zip_;
   std::unique_ptr<AnnotationWriter> writer_;
   std::optional<ThingsTable> table_;       // absent: not wanted

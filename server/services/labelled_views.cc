@@ -21,6 +21,15 @@ namespace {
 // default. SAM reads a view once for all labels.
 constexpr size_t kViewsAtOnce = 8;
 
+// Returns the name of a request with the number of the model in place of "live", so that all
+// answers are of one model.
+std::string WithNumber(const std::string& name, const ResidentModel& model) {
+  if (!absl::EndsWith(name, "/live")) return name;
+  return absl::StrCat(name.substr(0, name.rfind('/') + 1), model.id.number);
+}
+
+}  // namespace
+
 absl::StatusOr<std::vector<LabelRecord>> AllLabels(const SceneRef& scene, Store& store) {
   std::vector<LabelRecord> all;
   PageRequest page{1000, ""};
@@ -32,22 +41,13 @@ absl::StatusOr<std::vector<LabelRecord>> AllLabels(const SceneRef& scene, Store&
   return all;
 }
 
-// Returns the name of a request with the number of the model in place of "live", so that all
-// answers are of one model.
-std::string WithNumber(const std::string& name, const ResidentModel& model) {
-  if (!absl::EndsWith(name, "/live")) return name;
-  return absl::StrCat(name.substr(0, name.rfind('/') + 1), model.id.number);
-}
-
-}  // namespace
-
-absl::StatusOr<std::unique_ptr<LabelledViews>> LabelledViews::Begin(
+absl::StatusOr<std::unique_ptr<AnnotatedViews>> LabelledViews::Begin(
     const SegmentTools& tools, QueryCall call, const v1::ExportAnnotationsRequest& request) {
   auto views = absl::WrapUnique(new LabelledViews(tools, std::move(call), request));
   ASSIGN_OR_RETURN(views->model_,
                    tools.models.LoadWithFeatures(views->call_.scenes, request.model(), "model"));
   RETURN_IF_ERROR(views->ReadLabels());
-  RETURN_IF_ERROR(views->ReadViews());
+  RETURN_IF_ERROR(views->ReadViews(request));
   return views;
 }
 
@@ -77,18 +77,6 @@ absl::Status LabelledViews::ReadLabels() {
                       "NO_SUCH_LABEL", LabelName(scene, *wanted.begin()));
 }
 
-absl::Status LabelledViews::ReadViews() {
-  ASSIGN_OR_RETURN(std::vector<ModelView> views, FindTargets(request_.targets(), model_->model()));
-  if (views.empty()) views = model_->model().views;
-  for (const ModelView& view : views) {
-    scene_.views.push_back(view.name);
-    const Frame frame(view);
-    max_pixels_ = std::max({max_pixels_, int64_t{frame.width()} * frame.height(),
-                            int64_t{view.camera.width} * view.camera.height});
-  }
-  return absl::OkStatus();
-}
-
 absl::Status LabelledViews::BeginAnswer() {
   const size_t count = std::min(kViewsAtOnce, scene_.views.size() - first_view_);
   if (thing_ == 0) {
@@ -107,7 +95,7 @@ absl::Status LabelledViews::BeginAnswer() {
   return absl::OkStatus();
 }
 
-absl::StatusOr<bool> LabelledViews::SegmentSome() {
+absl::StatusOr<bool> LabelledViews::FindSome() {
   if (answer_ == nullptr) {
     RETURN_IF_ERROR(BeginAnswer());
     return false;
@@ -142,8 +130,6 @@ absl::Status LabelledViews::TakeAnswer() {
   open_.clear();
   return absl::OkStatus();
 }
-
-std::vector<AnnotatedView> LabelledViews::TakeComplete() { return std::exchange(complete_, {}); }
 
 absl::StatusOr<ThingGaussians> LabelledViews::GaussiansOf(size_t thing) const {
   ASSIGN_OR_RETURN(Prompt prompt, PromptOfLabel(labels_[thing], model_->model(), model_.id));

@@ -7,48 +7,34 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/annotations/things.h"
-#include "core/annotations/things_table.h"
 #include "pepeseg/v1/label_service.pb.h"
+#include "server/services/annotated_views.h"
 #include "server/services/segment_answer.h"
 
 namespace pepeseg {
 
-// The labels of a scene in the views of a model, segmented in parts, so that a thread can turn to
-// other work in between.
-class LabelledViews {
+// Returns all labels of a scene, by id. Blocks.
+absl::StatusOr<std::vector<LabelRecord>> AllLabels(const SceneRef& scene, Store& store);
+
+// The labels of a scene as things. Each part is one view of one label.
+class LabelledViews final : public AnnotatedViews {
  public:
   // Loads the model and reads labels and views; blocks. `request` must outlive it.
   // FAILED_PRECONDITION (NO_LABELS): the scene has none. NOT_FOUND: a label. Other errors are those
   // of the model and of FindTargets.
-  static absl::StatusOr<std::unique_ptr<LabelledViews>> Begin(
+  static absl::StatusOr<std::unique_ptr<AnnotatedViews>> Begin(
       const SegmentTools& tools, QueryCall call, const v1::ExportAnnotationsRequest& request);
 
-  const ResidentModel& model() const { return model_; }
-  const AnnotatedScene& scene() const { return scene_; }
-  int64_t num_masks() const {
-    return static_cast<int64_t>(scene_.views.size() * scene_.things.size());
-  }
-  int64_t num_masks_done() const { return num_done_; }
-  // Returns the pixels of the largest view, of the photograph and of the model.
-  int64_t max_pixels() const { return max_pixels_; }
-
-  // Segments one view of one label, or begins to. Returns true if the masks of a label in some
-  // views have become complete.
-  absl::StatusOr<bool> SegmentSome();
-  // Returns the views whose masks are complete, in order, each once.
-  std::vector<AnnotatedView> TakeComplete();
-  bool done() const { return num_done_ == num_masks(); }
-
-  // Selects the Gaussians of a thing. Errors are those of CreateSelection for its label.
-  absl::StatusOr<ThingGaussians> GaussiansOf(size_t thing) const;
+  absl::StatusOr<bool> FindSome() override;
+  bool done() const override { return num_masks_done() == num_masks(); }
+  // Selects the Gaussians. Errors are those of CreateSelection for the label.
+  absl::StatusOr<ThingGaussians> GaussiansOf(size_t thing) const override;
 
  private:
   LabelledViews(const SegmentTools& tools, QueryCall call,
                 const v1::ExportAnnotationsRequest& request)
       : tools_(tools), call_(std::move(call)), request_(request) {}
   absl::Status ReadLabels();
-  absl::Status ReadViews();
   absl::Status BeginAnswer();
   // Takes the masks of the answer.
   absl::Status TakeAnswer();
@@ -56,15 +42,10 @@ class LabelledViews {
   const SegmentTools tools_;
   const QueryCall call_;
   const v1::ExportAnnotationsRequest& request_;
-  ResidentModel model_;
-  AnnotatedScene scene_;
   std::vector<LabelRecord> labels_;  // of the things
-  int64_t max_pixels_ = 0;
-  int64_t num_done_ = 0;
-  size_t first_view_ = 0;  // of those that are being segmented
-  size_t thing_ = 0;       // that is being segmented in them
+  size_t first_view_ = 0;            // of those that are being segmented
+  size_t thing_ = 0;                 // that is being segmented in them
   std::vector<AnnotatedView> open_;
-  std::vector<AnnotatedView> complete_;
   // The answer that is being computed refers to the other two.
   v1::SegmentViewsRequest asked_;
   v1::SegmentViewsResponse answered_;

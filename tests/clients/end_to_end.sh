@@ -183,7 +183,11 @@ done
 expect 0 pepeseg export shelf "$work/of/cvat.zip" --format cvat --labels book --no-sam-borders
 [[ $(head -c 2 "$work/of/cvat.zip") == PK ]] || fail 'a file named .zip is no zip'
 [[ $(ls "$work/of") == "$(printf '%s\n' cvat cvat.zip ids labelme masks yolo)" ]] || fail 'an export leaves more'
+expect 0 pepeseg export shelf "$work/all.json" --format coco --segments 1 --scales 0.2,0.6 --table "$work/all.csv"
+grep -q '^1-1,,' "$work/all.csv" || fail 'the table of segments of a level has none'
+grep -q '"label": "1-1"' "$work/all.json" || fail 'segments are no annotations'
 expect 3 pepeseg export shelf "$work/none" --format yolo --labels nothing
+expect 4 pepeseg export shelf "$work/none" --format yolo --segments 3
 expect 4 pepeseg export shelf "$work/none" --format yolo --views nothing.jpg
 expect 4 pepeseg export shelf "$work/none.ply" --labels book
 expect 0 pepeseg export shelf "$work/odd.glb" --segment 0:1 --format ply

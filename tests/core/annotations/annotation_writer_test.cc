@@ -200,6 +200,13 @@ TEST_F(AnnotationWriterTest, HasRunLengthsInCvat) {
   EXPECT_NE(labels[0]["color"], labels[1]["color"]);
 }
 
+TEST_F(AnnotationWriterTest, HasPngsOfSegmentsWhereTheyAreSeen) {
+  scene.are_segments = true;
+  EXPECT_THAT(Write(AnnotationFormat::kMasks),
+              ElementsAre(Key("book/cam0/a.png"), Key("mug-2/cam0/b.png"), Key("mug/cam0/a.png"),
+                          Key("mug/cam0/b.png"), Key("things.json")));
+}
+
 TEST_F(AnnotationWriterTest, NamesFilesAfterTheirViews) {
   scene.views = {"a.jpg", "a.png", "b.c.jpg", "cam/d.jpg"};
   EXPECT_THAT(FilesOfViews(scene, ".txt"),

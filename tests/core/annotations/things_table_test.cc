@@ -60,5 +60,17 @@ TEST_F(ThingsTableTest, HasNoParentOfEqualThings) {
       absl::IsInvalidArgument(table.Add({1, {kWidth, kHeight}, {"\x01", same, same, same}})));
 }
 
+TEST_F(ThingsTableTest, TakesTheParentsOfSegments) {
+  scene.are_segments = true;
+  ThingsTable segments(scene);
+  const std::string none = Box(0, 0, 0, 0), all = Box(0, 0, 20, 10);
+  ASSERT_OK(segments.Add({0, {kWidth, kHeight}, {Box(2, 2, 4, 4), none, all, none}}));
+  EXPECT_EQ(segments.ParentOf(0), std::nullopt);
+  const ThingGaussians in_two{1, {}, {}, "1-2"}, in_none{1, {}, {}, ""};
+  const std::string csv = segments.Csv({in_two, in_none, in_none, in_none});
+  EXPECT_NE(csv.find("\ncup,1-2,cup,"), std::string::npos) << csv;
+  EXPECT_NE(csv.find("\nshelf,,shelf,"), std::string::npos) << csv;
+}
+
 }  // namespace
 }  // namespace pepeseg

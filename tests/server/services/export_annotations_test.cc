@@ -94,7 +94,7 @@ struct ExportAnnotationsTest : ShelfModel {
 TEST_F(ExportAnnotationsTest, HasTheMasksOfSegmentViewsAndTheAcceptedOnes) {
   ASSERT_OK(Export());
   EXPECT_EQ(header->model(), "scenes/shelf/models/1");
-  EXPECT_EQ(header->num_labels(), 2);
+  EXPECT_EQ(header->num_things(), 2);
   EXPECT_EQ(header->num_views(), 3);
   EXPECT_EQ(header->num_bytes(), static_cast<int64_t>(zip.size()));
   EXPECT_EQ(header->sha256(), Sha256Hex(zip));
@@ -150,7 +150,7 @@ TEST_F(ExportAnnotationsTest, HasSomeLabelsInSomeViewsOnly) {
   num_masks = 1;
   ASSERT_OK(Export());
   EXPECT_THAT(files, ElementsAre(Key("b-blue/middle.png"), Key("things.json")));
-  EXPECT_EQ(header->num_labels(), 1);
+  EXPECT_EQ(header->num_things(), 1);
   // The thing has the numbers that it has among all labels.
   const auto things = nlohmann::json::parse(files["things.json"]);
   ASSERT_EQ(things.size(), 1U);
@@ -189,6 +189,42 @@ TEST_F(ExportAnnotationsTest, SegmentsManyViewsInParts) {
   ASSERT_OK(Export());
   EXPECT_EQ(header->num_views(), 60);
   EXPECT_THAT(progress, ElementsAre(8, 16, 24, 32, 40, 48, 56, 60));
+}
+
+TEST_F(ExportAnnotationsTest, HasAllSegmentsOfALevel) {
+  Label("c-large", "scenery", BinaryMask{std::vector<uint8_t>(size_t{kWidth} * kHeight, 1)});
+  request.mutable_segments()->set_level(1);
+  request.set_table(true);
+  ASSERT_OK(Export());
+  EXPECT_EQ(header->num_things(), 2);
+  EXPECT_THAT(progress, ElementsAre(2, 4, 6));
+  const std::vector<std::string> lines = absl::StrSplit(files["things.csv"], '\n');
+  ASSERT_EQ(lines.size(), 4U);
+  // The labels of both squares fit, that of everything does not.
+  EXPECT_THAT(lines[1], StartsWith("1-1,2-1,square.2,square,2,1,10000,3,"));
+  EXPECT_THAT(lines[2], StartsWith("1-2,2-2,square,square,1,2,10000,3,"));
+  const auto json = nlohmann::json::parse(files["annotations.json"]);
+  ASSERT_EQ(json["annotations"].size(), 6U);
+  EXPECT_EQ(json["annotations"][0]["label"], "1-1");
+  int64_t area = 0;
+  for (const auto& annotation : json["annotations"]) {
+    if (annotation["image_id"] == 1) area += annotation["area"].get<int64_t>();
+  }
+  EXPECT_GT(area, 2 * 24 * 24);
+  EXPECT_OK(Call(&LabelStub::DeleteLabel, Named{"scenes/shelf/labels/a-red"}));
+  request.mutable_segments()->set_level(2);
+  ASSERT_OK(Export());
+  EXPECT_THAT(files["things.csv"], HasSubstr("\n2-1,,segment,segment,1,1,"));
+  request.mutable_segments()->set_level(3);
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "segments.level");
+  request.mutable_segments()->add_scales(2);
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "segments.scales[0]");
+  request.mutable_segments()->Clear();
+  request.add_labels("b-blue");
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "labels", "next to segments");
+  request.clear_labels();
+  request.set_sam_borders(false);
+  EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "sam_borders");
 }
 
 TEST_F(ExportAnnotationsTest, RefusesWhatItCannotWrite) {

@@ -30,7 +30,7 @@ class AnnotationExport:
     """A zip, or a folder, that `export_annotations` has written."""
 
     path: Path
-    num_labels: int
+    num_things: int
     num_views: int
     model: str
 
@@ -41,6 +41,8 @@ def export_annotations(
     format: str = "coco",
     *,
     labels: Sequence[str] = (),
+    segments: int | None = None,
+    scales: Sequence[float] = (),
     targets: prompts.Targets = None,
     sam_borders: bool | None = None,
     table: bool = False,
@@ -48,7 +50,7 @@ def export_annotations(
 ) -> Steps[AnnotationExport]:
     """Segments the labels of the scene in the views, and writes the masks for an annotation tool.
 
-    A mask is that of `segment(label=...)`, in pixels of the photograph; in the label's own view it is
+    The mask of a label is that of `segment(label=...)`, in pixels of the photograph; in the label's own view it is
     the label's. A thing has the same track id in all views.
 
     Args:
@@ -58,6 +60,9 @@ def export_annotations(
             data.yaml), "labelme" (STEM.json with polygons), "masks" (LABEL/STEM.png, 0 and 255), "cvat"
             (annotations.xml, CVAT for images 1.1) or "ids" (STEM.png, the track id of each pixel).
         labels: ids of labels; empty: all.
+        segments: a level of the decomposition, from 0, the finest. Its segments are the things in
+            place of the labels: "1-12" is segment 12 of level 1. A label that fits one names it.
+        scales: of the decomposition, as in `decompose`.
         targets: the views: None or "all", "held-out", or names.
         sam_borders: as in `segment`, for 8 views at a time.
         table: write things.csv, too, with a row for each thing: its parent, names, Gaussians, views,
@@ -67,7 +72,8 @@ def export_annotations(
     Raises:
         FailedPreconditionError: the scene has no label, or no model yet.
         NotFoundError: no such label.
-        InvalidArgumentError: an unknown format or view, or no view is held out.
+        InvalidArgumentError: an unknown format, view or level, no view is held out, or segments next
+            to labels or sam_borders.
         DataLossError: the bytes fail their checksum.
         OSError: a file cannot be written.
     """
@@ -82,6 +88,10 @@ def export_annotations(
     )
     if sam_borders is not None:
         request.sam_borders = sam_borders
+    if segments is not None:
+        request.segments.CopyFrom(
+            label_service_pb2.ExportAnnotationsRequest.Segments(scales=scales, level=segments)
+        )
 
     def report(part: Any) -> None:
         if on_progress is not None and part.HasField("progress"):
@@ -104,4 +114,4 @@ def export_annotations(
 
     if not is_zip:
         yield Work(unpack)
-    return AnnotationExport(target, header.num_labels, header.num_views, header.model)
+    return AnnotationExport(target, header.num_things, header.num_views, header.model)

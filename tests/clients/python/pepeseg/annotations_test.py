@@ -175,6 +175,29 @@ def test_cvat_has_the_masks_in_a_zip(labelled, tmp_path):
         assert float(thing["min_x"]) < float(thing["max_x"])
 
 
+def test_all_segments_of_a_level_are_things(labelled, tmp_path):
+    client, _ = labelled
+    level = client.decompose().levels[1]
+    made = client.export_annotations(
+        tmp_path / "ids", "ids", segments=1, targets=[VIEW], table=True
+    )
+    assert (made.num_things, made.num_views) == (len(level.segments), 1)
+    image = np.asarray(Image.open(tmp_path / "ids" / f"{stem(VIEW)}.png"))
+    rendered = client.render(VIEW, content="segments", level=1)
+    assert np.array_equal(image, rendered)
+    with open(tmp_path / "ids" / "things.csv", newline="") as file:
+        things = list(csv.DictReader(file))
+    for thing, segment in zip(things, level.segments, strict=True):
+        assert thing["id"] == f"1-{segment.id}" and thing["track_id"] == str(segment.id)
+        assert thing["parent"] == f"2-{segment.parent}"
+        assert thing["gaussians"] == str(segment.num_gaussians)
+        assert int(thing["pixels"]) == (rendered == segment.id).sum()
+        assert float(thing["max_z"]) == pytest.approx(segment.max[2])
+    client.export_annotations(tmp_path / "masks", "masks", segments=1, targets=[VIEW])
+    written = {file.parent.name for file in tmp_path.glob("masks/*/*.png")}
+    assert written == {f"1-{id}" for id in np.unique(rendered) if id != 0}
+
+
 def test_wrong_exports_leave_nothing(labelled, tmp_path):
     client, _ = labelled
     with pytest.raises(pepeseg.InvalidArgumentError, match="coco, yolo"):
@@ -183,4 +206,8 @@ def test_wrong_exports_leave_nothing(labelled, tmp_path):
         client.export_annotations(tmp_path / "none", labels=["plate"])
     with pytest.raises(pepeseg.InvalidArgumentError):
         client.export_annotations(tmp_path / "none", targets=["nothing.jpg"])
+    with pytest.raises(pepeseg.InvalidArgumentError, match="level"):
+        client.export_annotations(tmp_path / "none", segments=3)
+    with pytest.raises(pepeseg.InvalidArgumentError, match="labels"):
+        client.export_annotations(tmp_path / "none", segments=1, labels=["cup"])
     assert not list(tmp_path.iterdir())

@@ -39,36 +39,45 @@ class DeleteLabelRequest(_message.Message):
     def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class ExportAnnotationsRequest(_message.Message):
-    __slots__ = ["format", "labels", "model", "sam_borders", "table", "targets"]
+    __slots__ = ["format", "labels", "model", "sam_borders", "segments", "table", "targets"]
+    class Segments(_message.Message):
+        __slots__ = ["level", "scales"]
+        LEVEL_FIELD_NUMBER: _ClassVar[int]
+        SCALES_FIELD_NUMBER: _ClassVar[int]
+        level: int
+        scales: _containers.RepeatedScalarFieldContainer[float]
+        def __init__(self, scales: _Optional[_Iterable[float]] = ..., level: _Optional[int] = ...) -> None: ...
     FORMAT_FIELD_NUMBER: _ClassVar[int]
     LABELS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SAM_BORDERS_FIELD_NUMBER: _ClassVar[int]
+    SEGMENTS_FIELD_NUMBER: _ClassVar[int]
     TABLE_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
     format: AnnotationFormat
     labels: _containers.RepeatedScalarFieldContainer[str]
     model: str
     sam_borders: bool
+    segments: ExportAnnotationsRequest.Segments
     table: bool
     targets: _segmentation_service_pb2.SegmentViewsRequest.Targets
-    def __init__(self, model: _Optional[str] = ..., format: _Optional[_Union[AnnotationFormat, str]] = ..., labels: _Optional[_Iterable[str]] = ..., targets: _Optional[_Union[_segmentation_service_pb2.SegmentViewsRequest.Targets, _Mapping]] = ..., sam_borders: bool = ..., table: bool = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., format: _Optional[_Union[AnnotationFormat, str]] = ..., labels: _Optional[_Iterable[str]] = ..., targets: _Optional[_Union[_segmentation_service_pb2.SegmentViewsRequest.Targets, _Mapping]] = ..., sam_borders: bool = ..., segments: _Optional[_Union[ExportAnnotationsRequest.Segments, _Mapping]] = ..., table: bool = ...) -> None: ...
 
 class ExportAnnotationsResponse(_message.Message):
     __slots__ = ["chunk", "header", "progress"]
     class Header(_message.Message):
-        __slots__ = ["model", "num_bytes", "num_labels", "num_views", "sha256"]
+        __slots__ = ["model", "num_bytes", "num_things", "num_views", "sha256"]
         MODEL_FIELD_NUMBER: _ClassVar[int]
         NUM_BYTES_FIELD_NUMBER: _ClassVar[int]
-        NUM_LABELS_FIELD_NUMBER: _ClassVar[int]
+        NUM_THINGS_FIELD_NUMBER: _ClassVar[int]
         NUM_VIEWS_FIELD_NUMBER: _ClassVar[int]
         SHA256_FIELD_NUMBER: _ClassVar[int]
         model: str
         num_bytes: int
-        num_labels: int
+        num_things: int
         num_views: int
         sha256: str
-        def __init__(self, model: _Optional[str] = ..., num_labels: _Optional[int] = ..., num_views: _Optional[int] = ..., num_bytes: _Optional[int] = ..., sha256: _Optional[str] = ...) -> None: ...
+        def __init__(self, model: _Optional[str] = ..., num_things: _Optional[int] = ..., num_views: _Optional[int] = ..., num_bytes: _Optional[int] = ..., sha256: _Optional[str] = ...) -> None: ...
     class Progress(_message.Message):
         __slots__ = ["num_masks", "num_masks_done"]
         NUM_MASKS_DONE_FIELD_NUMBER: _ClassVar[int]
