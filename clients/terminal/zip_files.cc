@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/status_macros.h"
 

@@ -1,6 +1,8 @@
 #include "server/services/labelled_views.h"
 
 #include <algorithm>
+#include <iterator>
+#include <optional>
 #include <set>
 #include <utility>
 #include <variant>
