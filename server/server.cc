@@ -289,7 +289,7 @@ void Server::Parts::MakeQueryServices(int num_threads) {
   finds = std::make_unique<FindAnswers>(*models, *images, seen, words);
   segmentation =
       std::make_unique<SegmentationServiceRpc>(*runner, *models, *snapshots, *images, *finds);
-  labels = std::make_unique<LabelServiceRpc>(*runner, *models);
+  labels = std::make_unique<LabelServiceRpc>(*runner, *models, *snapshots, *images);
   selected = std::make_unique<Selections>(*store, models->data_folder());
   selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *images, *selected);
   renders = std::make_unique<RenderServiceRpc>(*runner, *models, *snapshots, *selected);

@@ -10,7 +10,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "clients/cli/find.h"
-#include "clients/cli/labelled_masks.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/segment_table.h"
 #include "clients/cli/verbs.h"
@@ -123,9 +122,7 @@ absl::Status WriteTable(const Client& client, const DecomposeFlags& flags,
                         const Decomposed& answer) {
   SegmentTable table(answer);
   ASSIGN_OR_RETURN(const v1::ListLabelsResponse listed, client.ListLabels(SceneName(flags.scene)));
-  const std::vector<LabelledThing> things =
-      ThingsOf({listed.labels().begin(), listed.labels().end()});
-  std::vector<Mask> masks;  // of the things, in their own views
+  std::vector<Mask> masks;  // of the labels, in their own views
   for (const v1::Label& listed_label : listed.labels()) {
     ASSIGN_OR_RETURN(const v1::Label label,
                      client.GetLabel(listed_label.name(), v1::PIXEL_FRAME_PHOTOGRAPH));
@@ -143,8 +140,9 @@ absl::Status WriteTable(const Client& client, const DecomposeFlags& flags,
       ASSIGN_OR_RETURN(const v1::RenderViewResponse picture, client.Render(request));
       ASSIGN_OR_RETURN(const Grey16Picture ids, DecodeGrey16(picture.png(), view.view()));
       table.CountView(level, ids);
-      for (size_t i = 0; i < things.size(); ++i) {
-        if (things[i].view == view.view()) table.CompareLabel(things[i].text, level, ids, masks[i]);
+      for (int i = 0; i < listed.labels_size(); ++i) {
+        const v1::Label& label = listed.labels(i);
+        if (label.view() == view.view()) table.CompareLabel(label.text(), level, ids, masks[i]);
       }
     }
   }

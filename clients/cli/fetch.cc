@@ -2,6 +2,7 @@
 // "export" (Gaussians, or the masks of labels).
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,8 +11,8 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "clients/cli/annotation_files.h"
-#include "clients/cli/labelled_masks.h"
+#include "absl/strings/str_join.h"
+#include "clients/cli/annotations.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
@@ -125,28 +126,8 @@ struct ExportFlags {
   std::string origin = "local";
   bool segment_ids = false;
   SubsetFlags subset;
-  LabelQuery labels;  // its views and sam_borders
+  AnnotationFlags annotations;
 };
-
-// Writes the masks of the labels for an annotation tool.
-absl::Status RunLabelExport(const Shell& shell, const ExportFlags& flags) {
-  LabelQuery query = flags.labels;
-  query.scene = flags.scene;
-  query.model = ModelName(flags.scene, flags.model);
-  ASSIGN_OR_RETURN(const LabelledMasks masks, SegmentLabels(Client(shell.channel), query));
-  RETURN_IF_ERROR(WriteAnnotations(masks, flags.format, flags.file));
-  if (shell.json) {
-    Print(nlohmann::ordered_json{{"file", flags.file},
-                                 {"format", flags.format},
-                                 {"labels", masks.things.size()},
-                                 {"views", masks.views.size()}}
-              .dump());
-  } else {
-    Print(absl::StrFormat("%s: %d labels in %d views, %s", flags.file, masks.things.size(),
-                          masks.views.size(), flags.format));
-  }
-  return absl::OkStatus();
-}
 
 // Writes what the segments' ids in an export mean to FILE.segments.json: the segments of each level
 // with their parents, sizes and boxes.
@@ -169,14 +150,20 @@ absl::Status RunExport(const Shell& shell, const ExportFlags& flags) {
       kGaussianFormats, [&word](const GaussianFormat& format) { return word == format.word; });
   if (found == std::ranges::end(kGaussianFormats)) {
     const bool of_all = subset.of_case() == v1::Subset::OF_NOT_SET && !flags.segment_ids;
-    if (of_all) return RunLabelExport(shell, flags);
+    if (of_all) {
+      return FetchAnnotations(shell, ModelName(flags.scene, flags.model), flags.format, flags.file,
+                              flags.annotations, flags.subset.scales);
+    }
     return absl::InvalidArgumentError(absl::StrCat(
         "--format ", flags.format,
         " has the masks of labels: leave out --selection, --segment, --without and --segment-ids"));
   }
-  if (!flags.labels.views.empty()) {
-    return absl::InvalidArgumentError(
-        "--views is of masks: name their --format, coco, yolo, labelme or masks");
+  const AnnotationFlags& of_masks = flags.annotations;
+  if (!of_masks.views.empty() || !of_masks.labels.empty() || !of_masks.table.empty() ||
+      of_masks.level >= 0) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--views, --labels, --segments and --table are of masks: name their --format, ",
+        absl::StrJoin(AnnotationFormats(), ", ")));
   }
   v1::ExportGaussiansRequest request;
   request.set_model(absl::StrCat(SceneName(flags.scene), "/models/", flags.model));
@@ -281,15 +268,18 @@ void AddExport(CLI::App& app, Shell& shell) {
     formats.emplace_back(format.word);
     absl::StrAppend(&contents, format.word, ": ", format.what, "; ");
   }
-  formats.insert(formats.end(), {"coco", "yolo", "labelme", "masks"});
+  std::ranges::copy(AnnotationFormats(), std::back_inserter(formats));
   verb->add_option("SCENE", flags->scene, "Id of the scene")->required();
-  verb->add_option("FILE", flags->file, "File to write; a folder for yolo, labelme and masks")
+  verb->add_option("FILE", flags->file,
+                   "File to write; for masks but coco a folder, or a zip if it ends in .zip")
       ->required();
   verb->add_option("--model", flags->model, "Number of the model")->capture_default_str();
-  verb->add_option("--format", flags->format,
-                   contents +
-                       "coco, yolo, labelme or masks (PNG): the masks of the scene's labels "
-                       "in its views. By default what FILE ends in, .spz or .glb, else ply")
+  verb->add_option(
+          "--format", flags->format,
+          contents +
+              "coco, yolo, labelme, masks (a PNG each), cvat or ids (a PNG with all): the "
+              "masks of the scene's labels in its views. By default what FILE ends in, .spz "
+              "or .glb, else ply")
       ->check(CLI::IsMember(formats));
   verb->add_option(
           "--origin", flags->origin,
@@ -298,10 +288,7 @@ void AddExport(CLI::App& app, Shell& shell) {
           "moved node in a GLB, as local in an SPZ")
       ->check(CLI::IsMember({"local", "world"}))
       ->capture_default_str();
-  AddNamesFlag(*verb, "--views", flags->labels.views,
-               "Views of the masks: names, all or held-out; by default all");
-  verb->add_flag("!--no-sam-borders", flags->labels.sam_borders,
-                 "Leave the borders of the masks to the model where SAM would place them");
+  AddAnnotationFlags(*verb, flags->annotations);
   AddSubsetFlags(*verb, flags->subset);
   verb->add_flag(
       "--segment-ids", flags->segment_ids,

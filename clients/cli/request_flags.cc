@@ -126,6 +126,18 @@ absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags) {
   return prompt;
 }
 
+void SetTargets(const std::vector<std::string>& names, v1::SegmentViewsRequest::Targets& targets) {
+  for (const std::string& name : names) {
+    if (name == "all") {
+      targets.set_group(v1::SegmentViewsRequest::Targets::GROUP_ALL);
+    } else if (name == "held-out") {
+      targets.set_group(v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT);
+    } else {
+      targets.add_views(name);
+    }
+  }
+}
+
 void AddSamClicksFlag(CLI::App& verb, std::optional<bool>& sam_clicks) {
   verb.add_flag("--sam-clicks,!--no-sam-clicks", sam_clicks,
                 "Let SAM and the model answer points or a box together, in the photographs; by "

@@ -42,6 +42,9 @@ struct GranularityFlags {
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags);
 v1::Granularity ToGranularity(const GranularityFlags& flags);
 
+// Sets the views to segment from the values of --views: names, "all" or "held-out".
+void SetTargets(const std::vector<std::string>& names, v1::SegmentViewsRequest::Targets& targets);
+
 // Adds --sam-clicks and --no-sam-clicks, which is absent by default.
 void AddSamClicksFlag(CLI::App& verb, std::optional<bool>& sam_clicks);
 

@@ -8,8 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/accepted_mask.h"
 #include "clients/cli/find.h"
-#include "clients/cli/labelled_masks.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/verbs.h"
 #include "clients/cpp/status_macros.h"
@@ -33,20 +33,6 @@ struct SegmentFlags {
   std::optional<bool> sam_borders, sam_clicks;  // absent: as the server chooses
   std::string out;
 };
-
-// Sets the views to segment from the values of --views.
-void SetTargets(const std::vector<std::string>& names, v1::SegmentViewsRequest& request) {
-  using Targets = v1::SegmentViewsRequest::Targets;
-  for (const std::string& name : names) {
-    if (name == "all") {
-      request.mutable_targets()->set_group(Targets::GROUP_ALL);
-    } else if (name == "held-out") {
-      request.mutable_targets()->set_group(Targets::GROUP_HELD_OUT);
-    } else {
-      request.mutable_targets()->add_views(name);
-    }
-  }
-}
 
 // Returns the prompt for the best thing that --text names. NOT_FOUND: see CheckFound.
 absl::StatusOr<v1::Prompt> PromptOfText(const Client& client, const SegmentFlags& flags) {
@@ -73,7 +59,7 @@ absl::StatusOr<v1::SegmentViewsRequest> BuildRequest(const Client& client,
     ASSIGN_OR_RETURN(*request.mutable_prompt(), PromptOfText(client, flags));
   }
   *request.mutable_granularity() = ToGranularity(flags.granularity);
-  SetTargets(flags.targets, request);
+  if (!flags.targets.empty()) SetTargets(flags.targets, *request.mutable_targets());
   request.set_mask_encoding(v1::MASK_ENCODING_COCO_RLE);
   request.set_frame(flags.prompt.frame);
   request.set_refine_borders(flags.refine_borders);

@@ -8,8 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/border_requests.h"
 #include "clients/cpp/call.h"
-#include "clients/cpp/digest.h"
-#include "clients/cpp/file_bytes.h"
 #include "clients/cpp/status_macros.h"
 
 namespace pepeseg::client {
@@ -75,54 +73,6 @@ absl::Status WatchOnce(Jobs& jobs, const std::string& job, Watched& watched,
 // Returns true for an error of the connection, after which a watch is resumed.
 bool IsAway(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status);
-}
-
-// Appends the chunks of an export to `file` and returns its header, the first message of the
-// stream. DATA_LOSS: the whole fails its size or SHA-256.
-template <typename Response>
-absl::StatusOr<typename Response::Header> Receive(grpc::ClientReader<Response>& stream,
-                                                  OutputFile& file) {
-  typename Response::Header header;
-  Sha256 sha256;
-  int64_t size = 0;
-  Response part;
-  while (stream.Read(&part)) {
-    if (part.has_header()) header = part.header();
-    if (!part.has_chunk()) continue;
-    sha256.Add(part.chunk());
-    size += static_cast<int64_t>(part.chunk().size());
-    RETURN_IF_ERROR(file.Append(part.chunk()));
-  }
-  RETURN_IF_ERROR(FromGrpc(stream.Finish()));
-  if (size != header.num_bytes() || sha256.Finish() != header.sha256()) {
-    return absl::DataLossError(
-        absl::StrCat("the file does not match its announced size and SHA-256: received ", size,
-                     " of ", header.num_bytes(), " bytes"));
-  }
-  return header;
-}
-
-// Exports to `file` with a method of `rendering`. A stream that the server puts off has sent
-// nothing, so that it can be repeated into the same file; one that has sent bytes is not repeated.
-template <typename Request, typename Response>
-absl::StatusOr<typename Response::Header> ReceiveAll(
-    Rendering& rendering,
-    std::unique_ptr<grpc::ClientReader<Response>> (Rendering::*method)(grpc::ClientContext*,
-                                                                       const Request&),
-    const Request& request, const std::string& path) {
-  ASSIGN_OR_RETURN(OutputFile file, OutputFile::Create(path));
-  const RetryBudget retries(kCallSeconds);
-  while (true) {
-    // No deadline: a large export takes as long as it takes.
-    Call call(SceneOf(request.model()), 0);
-    auto header = Receive(*(rendering.*method)(call, request), file);
-    if (header.ok()) {
-      RETURN_IF_ERROR(file.Commit());
-      return header;
-    }
-    call.Cancel();
-    if (file.num_bytes() > 0 || !retries.WaitAfter(header.status())) return header.status();
-  }
 }
 
 }  // namespace
@@ -287,16 +237,6 @@ absl::StatusOr<v1::EvaluateModelResponse> Client::Evaluate(
 
 absl::StatusOr<v1::RenderViewResponse> Client::Render(const v1::RenderViewRequest& request) const {
   return Ask(*rendering_, &Rendering::RenderView, SceneOf(request.model()), request);
-}
-
-absl::StatusOr<v1::ExportGaussiansResponse::Header> Client::Export(
-    const v1::ExportGaussiansRequest& request, const std::string& file) const {
-  return ReceiveAll(*rendering_, &Rendering::ExportGaussians, request, file);
-}
-
-absl::StatusOr<v1::ExportMeshResponse::Header> Client::ExportMesh(
-    const v1::ExportMeshRequest& request, const std::string& file) const {
-  return ReceiveAll(*rendering_, &Rendering::ExportMesh, request, file);
 }
 
 absl::StatusOr<v1::Label> Client::CreateLabel(v1::CreateLabelRequest request) const {

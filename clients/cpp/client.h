@@ -130,6 +130,11 @@ class Client {
   // Returns a label with its mask, in the pixels of `frame`.
   absl::StatusOr<v1::Label> GetLabel(const std::string& label, v1::PixelFrame frame) const;
   absl::StatusOr<v1::ListLabelsResponse> ListLabels(const std::string& scene) const;
+  // Exports the masks of the labels in views as a zip with the files of an annotation tool, to
+  // `file` as Export does. Calls `on_progress` now and then before.
+  absl::StatusOr<v1::ExportAnnotationsResponse::Header> ExportAnnotations(
+      const v1::ExportAnnotationsRequest& request, const std::string& file,
+      absl::FunctionRef<void(const v1::ExportAnnotationsResponse::Progress&)> on_progress) const;
   absl::Status DeleteLabel(const std::string& label) const;
   absl::StatusOr<v1::Selection> Select(v1::CreateSelectionRequest request) const;
   absl::StatusOr<v1::Selection> CombineSelections(v1::CombineSelectionsRequest request) const;

@@ -130,7 +130,10 @@ absl::StatusOr<int64_t> TakeNumber(absl::string_view text, size_t& position) {
 
 std::string EncodeCocoRle(const BinaryMask& mask, int width, int height) {
   assert(mask.pixels.size() == static_cast<size_t>(width) * height);
-  const std::vector<int64_t> counts = CountsOf(mask, width, height);
+  return EncodeCocoCounts(CountsOf(mask, width, height));
+}
+
+std::string EncodeCocoCounts(std::span<const int64_t> counts) {
   std::string text;
   for (size_t i = 0; i < counts.size(); ++i) {
     // COCO's format: from the fourth count on, the difference to the count two before is stored.

@@ -19,6 +19,9 @@ namespace pepeseg {
 // digits follow".
 std::string EncodeCocoRle(const BinaryMask& mask, int width, int height);
 
+// Compresses run lengths in the same way.
+std::string EncodeCocoCounts(std::span<const int64_t> counts);
+
 // Decodes the run lengths of the compressed form. INVALID_ARGUMENT: the string is malformed, a
 // length is negative or above INT32_MAX, or there are more than `max_counts` runs.
 absl::StatusOr<std::vector<int64_t>> ParseCocoCounts(

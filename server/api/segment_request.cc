@@ -201,6 +201,42 @@ absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Mo
   }
 }
 
+absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentViewsRequest::Targets& targets,
+                                                   const Model& model) {
+  const bool grouped = targets.group() != v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED;
+  // Refused rather than merged, since a client that sends both has made an error.
+  if (grouped && !targets.views().empty()) {
+    return BadField("targets", absl::StrCat(targets.views_size()), "views next to a group");
+  }
+  RETURN_IF_ERROR(AtField(CheckNumTargets(targets.views_size()), ""));
+  std::vector<ModelView> views;
+  switch (targets.group()) {
+    case v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED:
+      break;
+    case v1::SegmentViewsRequest::Targets::GROUP_ALL:
+      return model.views;
+    case v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT:
+      std::copy_if(model.views.begin(), model.views.end(), std::back_inserter(views),
+                   [](const ModelView& view) { return view.held_out; });
+      if (views.empty()) {
+        return BadField("targets.group", "GROUP_HELD_OUT", "the model has no held-out view");
+      }
+      return views;
+    default:
+      return BadField("targets.group", absl::StrCat(static_cast<int>(targets.group())),
+                      "no group of views");
+  }
+  std::set<std::string> names;
+  for (int i = 0; i < targets.views_size(); ++i) {
+    // A view that is listed twice is answered once.
+    if (!names.insert(targets.views(i)).second) continue;
+    ASSIGN_OR_RETURN(ModelView view,
+                     FindView(targets.views(i), model, absl::StrCat("targets.views[", i, "]")));
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
 absl::StatusOr<Prompt> PromptOfLabel(const LabelRecord& label, const Model& model,
                                      const SceneChild& number) {
   const auto view = std::find_if(model.views.begin(), model.views.end(),
@@ -276,52 +312,15 @@ absl::StatusOr<Granularity> SegmentRequestReader::ReadGranularity(
   return read;
 }
 
-absl::StatusOr<std::vector<ModelView>> SegmentRequestReader::FindTargets(
-    const v1::SegmentViewsRequest& request, const ModelView& prompt_view) const {
-  const v1::SegmentViewsRequest::Targets& targets = request.targets();
-  const bool grouped = targets.group() != v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED;
-  // Refused rather than merged, since a client that sends both has made an error.
-  if (grouped && !targets.views().empty()) {
-    return BadField("targets", absl::StrCat(targets.views_size()), "views next to a group");
-  }
-  RETURN_IF_ERROR(AtField(CheckNumTargets(targets.views_size()), ""));
-  std::vector<ModelView> views;
-  switch (targets.group()) {
-    case v1::SegmentViewsRequest::Targets::GROUP_UNSPECIFIED:
-      break;
-    case v1::SegmentViewsRequest::Targets::GROUP_ALL:
-      return model_.views;
-    case v1::SegmentViewsRequest::Targets::GROUP_HELD_OUT:
-      std::copy_if(model_.views.begin(), model_.views.end(), std::back_inserter(views),
-                   [](const ModelView& view) { return view.held_out; });
-      if (views.empty()) {
-        return BadField("targets.group", "GROUP_HELD_OUT", "the model has no held-out view");
-      }
-      return views;
-    default:
-      return BadField("targets.group", absl::StrCat(static_cast<int>(targets.group())),
-                      "no group of views");
-  }
-  std::set<std::string> names;
-  for (int i = 0; i < targets.views_size(); ++i) {
-    // A view that is listed twice is answered once.
-    if (!names.insert(targets.views(i)).second) continue;
-    ASSIGN_OR_RETURN(ModelView view,
-                     FindView(targets.views(i), model_, absl::StrCat("targets.views[", i, "]")));
-    views.push_back(std::move(view));
-  }
-  // Without targets, the view of the prompt is segmented.
-  if (views.empty()) views.push_back(prompt_view);
-  return views;
-}
-
 absl::StatusOr<SegmentRequest> SegmentRequestReader::Read(
     const v1::SegmentViewsRequest& request) const {
   RETURN_IF_ERROR(CheckEncoding(request.mask_encoding()));
   SegmentRequest read;
   ASSIGN_OR_RETURN(read.prompt, ReadPrompt(request.prompt(), request.frame()));
   ASSIGN_OR_RETURN(read.granularity, ReadGranularity(request.granularity(), "granularity"));
-  ASSIGN_OR_RETURN(read.targets, FindTargets(request, read.prompt.view));
+  ASSIGN_OR_RETURN(read.targets, FindTargets(request.targets(), model_));
+  // Without targets, the view of the prompt is segmented.
+  if (read.targets.empty()) read.targets.push_back(read.prompt.view);
   read.frame = FrameKindFromProto(request.frame());
   read.options = {.want_similarity = request.want_similarity(),
                   .refine_borders = RefinesBorders(request)};

@@ -21,6 +21,10 @@ absl::StatusOr<ModelView> FindView(const std::string& name, const Model& model,
 absl::StatusOr<ModelView> FindViewpoint(const v1::Viewpoint& viewpoint, const Model& model,
                                         const std::string& field);
 
+// Returns the views that a request means, in the order of the request; none without targets.
+absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentViewsRequest::Targets& targets,
+                                                   const Model& model);
+
 // Returns a label as a prompt in its view, whose mask has the view's size. FAILED_PRECONDITION: the
 // model, which `number` names, does not have the view.
 absl::StatusOr<Prompt> PromptOfLabel(const LabelRecord& label, const Model& model,
@@ -64,8 +68,6 @@ class SegmentRequestReader {
  private:
   // Reads a label, which is given by id or name, as its mask.
   absl::StatusOr<Prompt> ReadLabel(const std::string& label, const std::string& field) const;
-  absl::StatusOr<std::vector<ModelView>> FindTargets(const v1::SegmentViewsRequest& request,
-                                                     const ModelView& prompt_view) const;
 
   const Model& model_;
   const SceneChild number_;

@@ -1,6 +1,7 @@
 #include "server/services/label_service.h"
 
 #include <algorithm>
+#include <memory>
 #include <string>
 #include <utility>
 #include <variant>
@@ -14,6 +15,7 @@
 #include "server/api/request_image.h"
 #include "server/api/resource_name.h"
 #include "server/api/segment_request.h"
+#include "server/services/export_annotations.h"
 
 namespace pepeseg {
 namespace {
@@ -86,8 +88,9 @@ absl::StatusOr<GivenLabel> ReadLabel(ModelLoader& models, const UnaryCall& call,
 
 }  // namespace
 
-LabelServiceRpc::LabelServiceRpc(const CallRunner& runner, ModelLoader& models)
-    : runner_(runner), models_(models) {}
+LabelServiceRpc::LabelServiceRpc(const CallRunner& runner, ModelLoader& models,
+                                 JobSnapshots& snapshots, ViewImages& images)
+    : runner_(runner), models_(models), snapshots_(snapshots), images_(images) {}
 
 // Loads the live model if it is not in memory.
 absl::Status LabelServiceRpc::CreateLabel(const UnaryCall& call,
@@ -147,6 +150,16 @@ absl::Status LabelServiceRpc::DeleteLabel(const UnaryCall& call,
   absl::Status deleted = models_.store().labels().DeleteLabel(label.scene, label.id);
   if (absl::IsNotFound(deleted)) return WithResource(deleted, "NO_SUCH_LABEL", request.name());
   return deleted;
+}
+
+grpc::ServerWriteReactor<v1::ExportAnnotationsResponse>* LabelServiceRpc::ExportAnnotations(
+    grpc::CallbackServerContext* call, const v1::ExportAnnotationsRequest* request) {
+  const auto stream = std::make_shared<ExportAnnotationsStream>(
+      ExportAnnotationsStream::Dependencies{
+          runner_, models_, {snapshots_, models_.store(), images_}},
+      call, *request);
+  stream->Begin();
+  return stream.get();  // owns itself until OnDone
 }
 
 }  // namespace pepeseg

@@ -169,6 +169,27 @@ expect 0 pepeseg export shelf "$work/ids.ply" --segment-ids
 head -c 2000 "$work/ids.ply" | grep -aq '^property int segment_2$' || fail 'a PLY has no ids of segments'
 grep -q '"parent":1' "$work/ids.ply.segments.json" || fail 'the segments of an export have no parents'
 expect 4 pepeseg export shelf "$work/ids.json" --segment-ids --format coco
+expect 0 pepeseg label shelf book --view frame-000000.jpg --point 280,280 --threshold 0 --text book.3
+expect 0 pepeseg export shelf "$work/things.json" --format coco --table "$work/things.csv"
+grep -q '"name": "book"' "$work/things.json" || fail 'annotations have no category'
+[[ $(head -n 1 "$work/things.csv") == id,parent,name,* ]] || fail 'the table of labels has other columns'
+grep -q '^book,[a-z]*,book.3,book,3,' "$work/things.csv" || fail 'the table of labels has no label'
+expect 0 pepeseg-benchmark evaluate shelf "$work/things.json"
+for file in yolo/labels/frame-000008.txt labelme/frame-000008.json masks/book/frame-000008.png \
+  cvat/annotations.xml ids/frame-000008.png; do
+  expect 0 pepeseg export shelf "$work/of/${file%%/*}" --format "${file%%/*}" --views held-out
+  [[ -s $work/of/$file ]] || fail "export writes no $file"
+done
+expect 0 pepeseg export shelf "$work/of/cvat.zip" --format cvat --labels book --no-sam-borders
+[[ $(head -c 2 "$work/of/cvat.zip") == PK ]] || fail 'a file named .zip is no zip'
+[[ $(ls "$work/of") == "$(printf '%s\n' cvat cvat.zip ids labelme masks yolo)" ]] || fail 'an export leaves more'
+expect 0 pepeseg export shelf "$work/all.json" --format coco --segments 1 --scales 0.2,0.6 --table "$work/all.csv"
+grep -q '^1-1,,' "$work/all.csv" || fail 'the table of segments of a level has none'
+grep -q '"label": "1-1"' "$work/all.json" || fail 'segments are no annotations'
+expect 3 pepeseg export shelf "$work/none" --format yolo --labels nothing
+expect 4 pepeseg export shelf "$work/none" --format yolo --segments 3
+expect 4 pepeseg export shelf "$work/none" --format yolo --views nothing.jpg
+expect 4 pepeseg export shelf "$work/none.ply" --labels book
 expect 0 pepeseg export shelf "$work/odd.glb" --segment 0:1 --format ply
 [[ $(head -c 3 "$work/odd.glb") == ply ]] || fail '--format does not decide'
 expect 0 pepeseg mesh shelf "$work/mesh.ply" --voxels 64

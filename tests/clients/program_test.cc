@@ -83,7 +83,8 @@ TEST(Program, RefusesWrongCommandLines) {
 
 TEST(Program, ListsChoicesByName) {
   for (const auto& [arguments, choices] :
-       {std::pair("export shelf out --format nonsense", "ply,spz,glb,coco,yolo,labelme,masks"),
+       {std::pair("export shelf out --format nonsense",
+                  "ply,spz,glb,coco,yolo,labelme,masks,cvat,ids"),
         {"mesh shelf out --format nonsense", "ply,glb"},
         {"train shelf --preset nonsense", "preview,standard,best,paper"},
         {"segment shelf --view a -p 1,2 --frame nonsense", "photograph,view"}}) {
@@ -261,6 +262,7 @@ TEST(Program, ChecksDecompositionsAndSubsetsBeforeItCallsAServer) {
        {"decompose", "decompose shelf --scales 0.1,2", "decompose shelf --level -1",
         "render shelf --content smell", "render shelf --scale 2",
         "render shelf --selection 1 --segment 1:1", "export shelf a.ply --selection 0",
+        "export shelf a --format coco --segments -1",
         "mesh shelf a.ply --selection 1 --segment 1:1", "mesh shelf a.ply --voxels 31",
         "mesh shelf"}) {
     EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;

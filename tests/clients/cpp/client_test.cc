@@ -190,6 +190,23 @@ TEST_F(ClientTest, ReturnsTheMaskOfALabel) {
   EXPECT_EQ(label->mask().rle().counts(), answer->masks(0).rle().counts());
   EXPECT_TRUE(absl::IsNotFound(
       client.GetLabel("scenes/shelf/labels/blue", v1::PIXEL_FRAME_PHOTOGRAPH).status()));
+
+  v1::ExportAnnotationsRequest annotations;
+  annotations.set_model(ModelName("shelf"));
+  int64_t num_done = 0, num_masks = -1;
+  const auto on_progress = [&](const v1::ExportAnnotationsResponse::Progress& progress) {
+    num_done = progress.num_masks_done();
+    num_masks = progress.num_masks();
+  };
+  const auto header = client.ExportAnnotations(annotations, photos / "things.zip", on_progress);
+  ASSERT_OK(header);
+  EXPECT_EQ(num_done, header->num_views());
+  EXPECT_EQ(num_masks, num_done);
+  EXPECT_EQ(static_cast<int64_t>(fs::file_size(photos / "things.zip")), header->num_bytes());
+  annotations.add_labels("blue");
+  EXPECT_TRUE(absl::IsNotFound(
+      client.ExportAnnotations(annotations, photos / "none.zip", on_progress).status()));
+  EXPECT_FALSE(fs::exists(photos / "none.zip"));
 }
 
 TEST_F(ClientTest, SelectsCombinesAndExports) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <span>
 
 #include "core/base/digest.h"
@@ -15,6 +16,7 @@
 #include "tests/server/access/keyed_server.h"
 #include "tests/server/shelf_model.h"
 #include "tests/testing/fake_sam.h"
+#include "tests/testing/unzipped.h"
 
 namespace pepeseg {
 namespace {
@@ -208,6 +210,37 @@ TEST_F(SamBordersOfModel, PlaceSelections) {
                {.reason = "NO_SAM"});
   select.clear_sam_clicks();
   EXPECT_EQ(num_gaussians(), by_model);
+}
+
+// The label's own view has no photograph; that of middle.jpg shows the square further to the right.
+TEST_F(SamBordersOfModel, PlaceTheMasksOfAnnotations) {
+  Train("by_sam.model");
+  request.mutable_prompt()->mutable_view()->set_view("left/0.jpg");
+  request.set_sam_borders(false);
+  ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
+  v1::CreateLabelRequest label;
+  label.set_parent("scenes/shelf");
+  label.set_label_id("red");
+  label.set_frame(v1::PIXEL_FRAME_VIEW);
+  label.mutable_label()->set_view("left/0.jpg");
+  *label.mutable_label()->mutable_mask()->mutable_rle() = answer.masks(0).rle();
+  ASSERT_OK(Call(&LabelStub::CreateLabel, label));
+  v1::ExportAnnotationsRequest annotations;
+  annotations.set_model(kModel);
+  annotations.mutable_targets()->add_views("middle.jpg");
+  const auto left_edge = [&] {
+    grpc::ClientContext context;
+    const auto stream =
+        v1::LabelService::NewStub(running.channel)->ExportAnnotations(&context, annotations);
+    std::string zip;
+    for (v1::ExportAnnotationsResponse part; stream->Read(&part);) zip += part.chunk();
+    EXPECT_OK(stream->Finish());
+    const std::string json = testing::Unzipped(zip)["annotations.json"];
+    return nlohmann::json::parse(json)["annotations"][0]["bbox"][0].get<int>();
+  };
+  EXPECT_NEAR(left_edge(), 2 * 17, 2);
+  annotations.set_sam_borders(false);
+  EXPECT_NEAR(left_edge(), 2 * 15, 2);
 }
 
 TEST_F(SamBordersOfModel, AreCountedInTheMemoryOfModels) {

@@ -329,6 +329,8 @@ def make_calls(evaluate):
         "RenderView": MODEL + 'viewpoint { view: "middle.jpg" } content: CONTENT_DEPTH',
         "ExportGaussians": MODEL + "subset { segment { level: 1 id: 1 } }",
         "ExportMesh": MODEL + "subset { segment { level: 1 id: 1 } } voxels: 32 watertight: true",
+        "ExportAnnotations": MODEL + 'format: ANNOTATION_FORMAT_CVAT labels: "red" targets { group: '
+                             "GROUP_HELD_OUT } table: true",
         "ListJobs": "page_size: 3", "GetModel": 'name: "scenes/shelf/models/live"', "ListScenes": "page_size: 3",
         "ListTrainingOptions": "preset: TRAINING_PRESET_BEST",
         "ListViews": 'parent: "scenes/shelf/models/live"',

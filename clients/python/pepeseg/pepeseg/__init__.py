@@ -4,6 +4,7 @@
 the right and y down, with a pixel's centre at + 0.5. Masks are bool [height, width], points [n, 2].
 """
 
+from pepeseg.annotation_files import AnnotationExport
 from pepeseg import aio
 from pepeseg.cameras import Camera, View
 from pepeseg.client import Client, Selection
@@ -53,6 +54,7 @@ __version__ = "0.1.0"
 __all__ = [
     "AbortedError",
     "AlreadyExistsError",
+    "AnnotationExport",
     "Appearance",
     "Camera",
     "CancelledError",

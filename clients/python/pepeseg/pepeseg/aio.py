@@ -11,6 +11,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import grpc
 
 from pepeseg import (
+    annotation_files,
     cameras,
     corrections,
     errors,
@@ -255,6 +256,7 @@ class Client(SceneClient):
     get_label = awaited(of_labels.get_label)
     labels = awaited(of_labels.list_labels)
     delete_label = awaited(of_labels.delete_label)
+    export_annotations = awaited(annotation_files.export_annotations)
 
     select = _selecting(of_selections.select)
     combine = _selecting(of_selections.combine)

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Concatenate, ParamSpec, TypeVar
 
 from pepeseg import (
+    annotation_files,
     cameras,
     corrections,
     errors,
@@ -164,6 +165,7 @@ class Client(SceneClient):
     get_label = blocking(of_labels.get_label)
     labels = blocking(of_labels.list_labels)
     delete_label = blocking(of_labels.delete_label)
+    export_annotations = blocking(annotation_files.export_annotations)
 
     select = _selecting(of_selections.select)
     combine = _selecting(of_selections.combine)

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Any, BinaryIO, Union
+from typing import Any, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from pepeseg import png, prompts, rle
-from pepeseg.calls import Place, Receive, Steps, Unary
+from pepeseg.calls import Place, Steps, Unary
 from pepeseg.cameras import Viewpoint, to_viewpoint
-from pepeseg.errors import damaged, refused
+from pepeseg.errors import refused
+from pepeseg.export_files import fetch_file
 from pepeseg.v1 import (
     decomposition_pb2,
     geometry_pb2,
@@ -267,35 +267,6 @@ def render(
     return (pixels * np.float32(answer.depth_unit)) if content == "depth" else pixels
 
 
-_Part = Union[render_service_pb2.ExportGaussiansResponse, render_service_pb2.ExportMeshResponse]
-
-
-class _ExportFile:
-    """Writes the parts of an export to a file, and checks the whole."""
-
-    def __init__(self, file: BinaryIO, header: Any) -> None:
-        self._file = file
-        self._sha256 = hashlib.sha256()
-        self._num_bytes = 0
-        self._header = header
-
-    def take(self, part: _Part) -> None:
-        if part.HasField("header"):
-            self._header = part.header
-            return
-        self._sha256.update(part.chunk)
-        self._num_bytes += len(part.chunk)
-        self._file.write(part.chunk)
-
-    def finish(self) -> Any:
-        header = self._header
-        if (self._num_bytes, self._sha256.hexdigest()) != (header.num_bytes, header.sha256):
-            raise damaged(
-                f"the file is not what was announced: {self._num_bytes} of {header.num_bytes} bytes"
-            )
-        return header
-
-
 def _format_of(path: str | os.PathLike[str], format: str | None, formats: dict[str, Any]) -> Any:
     """Returns the format of that name, or the one that the path ends in, else PLY."""
     if format is None:
@@ -316,16 +287,7 @@ def _write(
     at: Place, method: str, request: Any, header: Any, target: Path
 ) -> Steps[tuple[Any, tuple[float, float, float]]]:
     """Writes what a method exports, and returns its header and the offset to the world."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    beside = target.with_name(target.name + ".part")
-    try:
-        with open(beside, "wb") as file:
-            parts = _ExportFile(file, header)
-            yield Receive("rendering", method, request, at.scene, parts.take)
-            header = parts.finish()
-        beside.replace(target)
-    finally:
-        beside.unlink(missing_ok=True)
+    header = yield from fetch_file(at, "rendering", method, request, header, target)
     offset = (header.origin.x, header.origin.y, header.origin.z)
     side = target.with_name(target.name + ".origin.json")
     if header.HasField("origin"):

@@ -15,9 +15,10 @@ from google.protobuf import empty_pb2 as google_dot_protobuf_dot_empty__pb2
 from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__pb2
 from pepeseg.v1 import access_pb2 as pepeseg_dot_v1_dot_access__pb2
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
+from pepeseg.v1 import segmentation_service_pb2 as pepeseg_dot_v1_dot_segmentation__service__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/label_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/prompt.proto\"\x95\x01\n\x05Label\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04text\x18\x02 \x01(\t\x12\x0c\n\x04view\x18\x03 \x01(\t\x12#\n\x04mask\x18\x04 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\x0c\n\x04\x61rea\x18\x05 \x01(\x03\x12/\n\x0b\x63reate_time\x18\x06 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\x93\x01\n\x12\x43reateLabelRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x10\n\x08label_id\x18\x02 \x01(\t\x12 \n\x05label\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.Label\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"F\n\x0fGetLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12%\n\x05\x66rame\x18\x02 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"J\n\x11ListLabelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListLabelsResponse\x12!\n\x06labels\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Label\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t2\xe4\x02\n\x0cLabelService\x12R\n\x0b\x43reateLabel\x12\x1e.pepeseg.v1.CreateLabelRequest\x1a\x11.pepeseg.v1.Label\"\x10\x8a\xe2\x18\x0c\x08\x02\x12\x06parent\x18\x03\x12J\n\x08GetLabel\x12\x1b.pepeseg.v1.GetLabelRequest\x1a\x11.pepeseg.v1.Label\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x03\x12]\n\nListLabels\x12\x1d.pepeseg.v1.ListLabelsRequest\x1a\x1e.pepeseg.v1.ListLabelsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12U\n\x0b\x44\x65leteLabel\x12\x1e.pepeseg.v1.DeleteLabelRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/label_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x17pepeseg/v1/prompt.proto\x1a%pepeseg/v1/segmentation_service.proto\"\x95\x01\n\x05Label\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0c\n\x04text\x18\x02 \x01(\t\x12\x0c\n\x04view\x18\x03 \x01(\t\x12#\n\x04mask\x18\x04 \x01(\x0b\x32\x15.pepeseg.v1.MaskImage\x12\x0c\n\x04\x61rea\x18\x05 \x01(\x03\x12/\n\x0b\x63reate_time\x18\x06 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\x93\x01\n\x12\x43reateLabelRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x10\n\x08label_id\x18\x02 \x01(\t\x12 \n\x05label\x18\x03 \x01(\x0b\x32\x11.pepeseg.v1.Label\x12\x12\n\nrequest_id\x18\x04 \x01(\t\x12%\n\x05\x66rame\x18\x05 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"F\n\x0fGetLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12%\n\x05\x66rame\x18\x02 \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\"J\n\x11ListLabelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListLabelsResponse\x12!\n\x06labels\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Label\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteLabelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\xc6\x02\n\x18\x45xportAnnotationsRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12,\n\x06\x66ormat\x18\x02 \x01(\x0e\x32\x1c.pepeseg.v1.AnnotationFormat\x12\x0e\n\x06labels\x18\x03 \x03(\t\x12\x38\n\x07targets\x18\x04 \x01(\x0b\x32\'.pepeseg.v1.SegmentViewsRequest.Targets\x12\x18\n\x0bsam_borders\x18\x05 \x01(\x08H\x00\x88\x01\x01\x12?\n\x08segments\x18\x07 \x01(\x0b\x32-.pepeseg.v1.ExportAnnotationsRequest.Segments\x12\r\n\x05table\x18\x06 \x01(\x08\x1a)\n\x08Segments\x12\x0e\n\x06scales\x18\x01 \x03(\x01\x12\r\n\x05level\x18\x02 \x01(\x05\x42\x0e\n\x0c_sam_borders\"\xd2\x02\n\x19\x45xportAnnotationsResponse\x12>\n\x06header\x18\x01 \x01(\x0b\x32,.pepeseg.v1.ExportAnnotationsResponse.HeaderH\x00\x12\x0f\n\x05\x63hunk\x18\x02 \x01(\x0cH\x00\x12\x42\n\x08progress\x18\x03 \x01(\x0b\x32..pepeseg.v1.ExportAnnotationsResponse.ProgressH\x00\x1a\x35\n\x08Progress\x12\x16\n\x0enum_masks_done\x18\x01 \x01(\x03\x12\x11\n\tnum_masks\x18\x02 \x01(\x03\x1a\x61\n\x06Header\x12\r\n\x05model\x18\x01 \x01(\t\x12\x12\n\nnum_things\x18\x02 \x01(\x05\x12\x11\n\tnum_views\x18\x03 \x01(\x05\x12\x11\n\tnum_bytes\x18\x04 \x01(\x03\x12\x0e\n\x06sha256\x18\x05 \x01(\tB\x06\n\x04part*\xe0\x01\n\x10\x41nnotationFormat\x12!\n\x1d\x41NNOTATION_FORMAT_UNSPECIFIED\x10\x00\x12\x1a\n\x16\x41NNOTATION_FORMAT_COCO\x10\x01\x12\x1a\n\x16\x41NNOTATION_FORMAT_YOLO\x10\x02\x12\x1d\n\x19\x41NNOTATION_FORMAT_LABELME\x10\x03\x12\x1b\n\x17\x41NNOTATION_FORMAT_MASKS\x10\x04\x12\x1a\n\x16\x41NNOTATION_FORMAT_CVAT\x10\x05\x12\x19\n\x15\x41NNOTATION_FORMAT_IDS\x10\x06\x32\xd9\x03\n\x0cLabelService\x12R\n\x0b\x43reateLabel\x12\x1e.pepeseg.v1.CreateLabelRequest\x1a\x11.pepeseg.v1.Label\"\x10\x8a\xe2\x18\x0c\x08\x02\x12\x06parent\x18\x03\x12J\n\x08GetLabel\x12\x1b.pepeseg.v1.GetLabelRequest\x1a\x11.pepeseg.v1.Label\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x03\x12]\n\nListLabels\x12\x1d.pepeseg.v1.ListLabelsRequest\x1a\x1e.pepeseg.v1.ListLabelsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12U\n\x0b\x44\x65leteLabel\x12\x1e.pepeseg.v1.DeleteLabelRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x12s\n\x11\x45xportAnnotations\x12$.pepeseg.v1.ExportAnnotationsRequest\x1a%.pepeseg.v1.ExportAnnotationsResponse\"\x0f\x8a\xe2\x18\x0b\x08\x01\x12\x05model\x18\x04\x30\x01\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.label_service_pb2', globals())
@@ -32,18 +33,32 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _LABELSERVICE.methods_by_name['ListLabels']._serialized_options = b'\212\342\030\014\010\001\022\006parent\030\001'
   _LABELSERVICE.methods_by_name['DeleteLabel']._options = None
   _LABELSERVICE.methods_by_name['DeleteLabel']._serialized_options = b'\212\342\030\n\010\002\022\004name\030\001'
-  _LABEL._serialized_start=159
-  _LABEL._serialized_end=308
-  _CREATELABELREQUEST._serialized_start=311
-  _CREATELABELREQUEST._serialized_end=458
-  _GETLABELREQUEST._serialized_start=460
-  _GETLABELREQUEST._serialized_end=530
-  _LISTLABELSREQUEST._serialized_start=532
-  _LISTLABELSREQUEST._serialized_end=606
-  _LISTLABELSRESPONSE._serialized_start=608
-  _LISTLABELSRESPONSE._serialized_end=688
-  _DELETELABELREQUEST._serialized_start=690
-  _DELETELABELREQUEST._serialized_end=724
-  _LABELSERVICE._serialized_start=727
-  _LABELSERVICE._serialized_end=1083
+  _LABELSERVICE.methods_by_name['ExportAnnotations']._options = None
+  _LABELSERVICE.methods_by_name['ExportAnnotations']._serialized_options = b'\212\342\030\013\010\001\022\005model\030\004'
+  _ANNOTATIONFORMAT._serialized_start=1436
+  _ANNOTATIONFORMAT._serialized_end=1660
+  _LABEL._serialized_start=198
+  _LABEL._serialized_end=347
+  _CREATELABELREQUEST._serialized_start=350
+  _CREATELABELREQUEST._serialized_end=497
+  _GETLABELREQUEST._serialized_start=499
+  _GETLABELREQUEST._serialized_end=569
+  _LISTLABELSREQUEST._serialized_start=571
+  _LISTLABELSREQUEST._serialized_end=645
+  _LISTLABELSRESPONSE._serialized_start=647
+  _LISTLABELSRESPONSE._serialized_end=727
+  _DELETELABELREQUEST._serialized_start=729
+  _DELETELABELREQUEST._serialized_end=763
+  _EXPORTANNOTATIONSREQUEST._serialized_start=766
+  _EXPORTANNOTATIONSREQUEST._serialized_end=1092
+  _EXPORTANNOTATIONSREQUEST_SEGMENTS._serialized_start=1035
+  _EXPORTANNOTATIONSREQUEST_SEGMENTS._serialized_end=1076
+  _EXPORTANNOTATIONSRESPONSE._serialized_start=1095
+  _EXPORTANNOTATIONSRESPONSE._serialized_end=1433
+  _EXPORTANNOTATIONSRESPONSE_PROGRESS._serialized_start=1273
+  _EXPORTANNOTATIONSRESPONSE_PROGRESS._serialized_end=1326
+  _EXPORTANNOTATIONSRESPONSE_HEADER._serialized_start=1328
+  _EXPORTANNOTATIONSRESPONSE_HEADER._serialized_end=1425
+  _LABELSERVICE._serialized_start=1663
+  _LABELSERVICE._serialized_end=2136
 # @@protoc_insertion_point(module_scope)

@@ -36,6 +36,11 @@ class LabelServiceStub(object):
                 request_serializer=pepeseg_dot_v1_dot_label__service__pb2.DeleteLabelRequest.SerializeToString,
                 response_deserializer=google_dot_protobuf_dot_empty__pb2.Empty.FromString,
                 )
+        self.ExportAnnotations = channel.unary_stream(
+                '/pepeseg.v1.LabelService/ExportAnnotations',
+                request_serializer=pepeseg_dot_v1_dot_label__service__pb2.ExportAnnotationsRequest.SerializeToString,
+                response_deserializer=pepeseg_dot_v1_dot_label__service__pb2.ExportAnnotationsResponse.FromString,
+                )
 
 
 class LabelServiceServicer(object):
@@ -73,6 +78,23 @@ class LabelServiceServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def ExportAnnotations(self, request, context):
+        """Segments things in the views of a model, and exports the masks as the files of an annotation
+        tool, in one zip: progress, a header, then chunks. The things are the labels of the scene, or all
+        segments of a level. The mask of a label is that of SegmentationService.SegmentViews, in pixels of
+        the photograph; in the label's own view it is the label's. A thing has the same track id in all
+        views. The same model, labels and
+        request give the same bytes. Takes as long as the masks do, which is 0.1 s each where SAM places
+        their borders; nothing is computed for a client that is gone.
+        Errors are those of SegmentViews. FAILED_PRECONDITION (NO_LABELS): the scene has no label.
+        NOT_FOUND: there is no such label. INVALID_ARGUMENT: no view is held out, the decomposition has
+        no such level, or segments stand next to labels or sam_borders. RESOURCE_EXHAUSTED: the
+        zip does not fit in memory, or exceeds 4 GiB (request fewer views).
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
 
 def add_LabelServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
@@ -95,6 +117,11 @@ def add_LabelServiceServicer_to_server(servicer, server):
                     servicer.DeleteLabel,
                     request_deserializer=pepeseg_dot_v1_dot_label__service__pb2.DeleteLabelRequest.FromString,
                     response_serializer=google_dot_protobuf_dot_empty__pb2.Empty.SerializeToString,
+            ),
+            'ExportAnnotations': grpc.unary_stream_rpc_method_handler(
+                    servicer.ExportAnnotations,
+                    request_deserializer=pepeseg_dot_v1_dot_label__service__pb2.ExportAnnotationsRequest.FromString,
+                    response_serializer=pepeseg_dot_v1_dot_label__service__pb2.ExportAnnotationsResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -172,5 +199,22 @@ class LabelService(object):
         return grpc.experimental.unary_unary(request, target, '/pepeseg.v1.LabelService/DeleteLabel',
             pepeseg_dot_v1_dot_label__service__pb2.DeleteLabelRequest.SerializeToString,
             google_dot_protobuf_dot_empty__pb2.Empty.FromString,
+            options, channel_credentials,
+            insecure, call_credentials, compression, wait_for_ready, timeout, metadata)
+
+    @staticmethod
+    def ExportAnnotations(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(request, target, '/pepeseg.v1.LabelService/ExportAnnotations',
+            pepeseg_dot_v1_dot_label__service__pb2.ExportAnnotationsRequest.SerializeToString,
+            pepeseg_dot_v1_dot_label__service__pb2.ExportAnnotationsResponse.FromString,
             options, channel_credentials,
             insecure, call_credentials, compression, wait_for_ready, timeout, metadata)

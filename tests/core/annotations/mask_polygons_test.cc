@@ -1,4 +1,4 @@
-#include "clients/cli/mask_polygons.h"
+#include "core/annotations/mask_polygons.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
-namespace pepeseg::client::cli {
+#include "tests/core/annotations/filled_polygons.h"
+
+namespace pepeseg {
 namespace {
 
 // Returns the mask of lines of '#' and '.'.
@@ -19,14 +21,8 @@ std::vector<uint8_t> MaskOf(const std::vector<std::string>& lines) {
   return mask;
 }
 
-PixelSize SizeOf(const std::vector<std::string>& lines) {
+RasterSize SizeOf(const std::vector<std::string>& lines) {
   return {static_cast<int>(lines[0].size()), static_cast<int>(lines.size())};
-}
-
-std::vector<uint8_t> Filled(const std::vector<Polygon>& polygons, const PixelSize& size) {
-  OutlinedEntity entity{"thing", {}};
-  for (const Polygon& polygon : polygons) entity.regions.push_back({{polygon}, {}});
-  return MaskOfEntity(entity, size, size).pixels;
 }
 
 const std::vector<std::vector<std::string>> kMasks = {
@@ -41,7 +37,7 @@ const std::vector<std::vector<std::string>> kMasks = {
 
 TEST(MaskPolygons, GiveTheMaskAgain) {
   for (const auto& lines : kMasks) {
-    const PixelSize size = SizeOf(lines);
+    const RasterSize size = SizeOf(lines);
     EXPECT_EQ(Filled(PolygonsOf(MaskOf(lines), size), size), MaskOf(lines)) << lines[0];
     EXPECT_EQ(Filled({Joined(PolygonsOf(MaskOf(lines), size))}, size), MaskOf(lines)) << lines[0];
   }
@@ -50,7 +46,7 @@ TEST(MaskPolygons, GiveTheMaskAgain) {
 TEST(MaskPolygons, GiveRandomMasksAgain) {
   std::mt19937 random(7);
   for (int repeat = 0; repeat < 50; ++repeat) {
-    const PixelSize size{17, 13};
+    const RasterSize size{17, 13};
     std::vector<uint8_t> mask(static_cast<size_t>(size.width) * size.height);
     for (uint8_t& pixel : mask) pixel = random() % 5 < 3 ? 1 : 0;
     EXPECT_EQ(Filled(PolygonsOf(mask, size), size), mask);
@@ -61,7 +57,7 @@ TEST(MaskPolygons, GiveRandomMasksAgain) {
 TEST(MaskPolygons, HaveVerticesThatTruncateToPixelsOfTheMask) {
   const std::vector<std::string> square = {"....", ".##.", ".##.", "...."};
   for (const Polygon& polygon : PolygonsOf(MaskOf(square), SizeOf(square))) {
-    for (const OutlinePoint& point : polygon) {
+    for (const PolygonPoint& point : polygon) {
       EXPECT_EQ(square[static_cast<size_t>(point.y)][static_cast<size_t>(point.x)], '#');
     }
   }
@@ -75,4 +71,4 @@ TEST(MaskPolygons, AreOneForEachPart) {
 }
 
 }  // namespace
-}  // namespace pepeseg::client::cli
+}  // namespace pepeseg

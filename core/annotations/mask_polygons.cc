@@ -1,11 +1,11 @@
-#include "clients/cli/mask_polygons.h"
+#include "core/annotations/mask_polygons.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <utility>
 
-namespace pepeseg::client::cli {
+namespace pepeseg {
 namespace {
 
 constexpr double kInset = 0.25;  // distance of an edge from the border of the mask, pixels
@@ -16,7 +16,7 @@ enum Direction { kRight, kDown, kLeft, kUp };
 // Follows the borders of a mask between its pixels.
 class BorderTracer {
  public:
-  BorderTracer(std::span<const uint8_t> mask, const PixelSize& size)
+  BorderTracer(std::span<const uint8_t> mask, const RasterSize& size)
       : mask_(mask), size_(size), parts_(mask.size(), 0), traced_(mask.size(), false) {}
 
   // Every border, outer or of a hole, has a step to the right along the top of a pixel.
@@ -75,7 +75,7 @@ class BorderTracer {
   }
 
   // Returns the corner (x, y) between two edges, moved into the mask.
-  static OutlinePoint Vertex(int x, int y, Direction a, Direction b) {
+  static PolygonPoint Vertex(int x, int y, Direction a, Direction b) {
     const auto is = [&](Direction d) { return a == d || b == d; };
     return {x + (is(kUp) ? kInset : -kInset), y + (is(kRight) ? kInset : -kInset)};
   }
@@ -97,14 +97,14 @@ class BorderTracer {
   }
 
   std::span<const uint8_t> mask_;
-  PixelSize size_;
+  RasterSize size_;
   std::vector<int> parts_;    // number of each pixel's part, from 1; 0: none yet
   std::vector<bool> traced_;  // the border along the pixel's top is in a polygon
 };
 
 }  // namespace
 
-std::vector<Polygon> PolygonsOf(std::span<const uint8_t> mask, const PixelSize& size) {
+std::vector<Polygon> PolygonsOf(std::span<const uint8_t> mask, const RasterSize& size) {
   return BorderTracer(mask, size).Trace();
 }
 
@@ -117,14 +117,14 @@ Polygon Joined(const std::vector<Polygon>& polygons) {
       joined.insert(joined.end(), polygon.begin(), polygon.end());
       continue;
     }
-    const OutlinePoint& to = polygon.front();
-    const auto distance = [&](const OutlinePoint& point) {
+    const PolygonPoint& to = polygon.front();
+    const auto distance = [&](const PolygonPoint& point) {
       return std::abs(point.x - to.x) + std::abs(point.y - to.y);
     };
     const auto from = std::min_element(
         joined.begin(), joined.end(),
-        [&](const OutlinePoint& a, const OutlinePoint& b) { return distance(a) < distance(b); });
-    const OutlinePoint corner{to.x, from->y};
+        [&](const PolygonPoint& a, const PolygonPoint& b) { return distance(a) < distance(b); });
+    const PolygonPoint corner{to.x, from->y};
     Polygon detour = {*from, corner};
     detour.insert(detour.end(), polygon.begin(), polygon.end());
     detour.insert(detour.end(), {to, corner});
@@ -133,4 +133,4 @@ Polygon Joined(const std::vector<Polygon>& polygons) {
   return joined;
 }
 
-}  // namespace pepeseg::client::cli
+}  // namespace pepeseg
