@@ -5,7 +5,7 @@ SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
 .PHONY: help packages demo-configuration build sam detector sam-test demo demo-photos test cuda-test bench curves stress gateway-test lint asan tsan fuzz image \
-  image-test deploy-check web web-app web-test deb deb-test \
+  image-test tryout-image tryout-test deploy-check web web-app web-test deb deb-test \
   wheel npm-package client-packages-test compose-test
 
 BUILD ?= build
@@ -44,6 +44,8 @@ help:
 	@echo 'make asan      the tests under ASan and UBSan     make tsan     under TSan'
 	@echo 'make fuzz      each fuzz target for ten seconds (FUZZ_SECONDS=10) under ASan and UBSan'
 	@echo 'make image     the service as an image, in $(BUILD)/image    make image-test   tests it'
+	@echo 'make tryout-image   one image with server, web app and the sample, trained, on port 8080'
+	@echo '               make tryout-test   builds, starts and uses it, as root'
 	@echo 'make compose-test   runs deploy/compose.yaml by docker-compose on Podman, as root'
 	@echo 'make deploy-check   check the manifests in deploy/ against published schemas (needs npm)'
 	@echo 'make web       the web app, on http://127.0.0.1:8080, and a server if none runs on'
@@ -190,6 +192,16 @@ image:
 image-test:
 	@deploy/packages.sh deploy/packages/image.txt
 	timeout --kill-after=60 7200 deploy/image/test.sh $(BUILD)/image
+
+# Run as root. One image with server, web app and trained sample on port 8080; takes the image of `make
+# image` if it is there.
+tryout-image: web-app
+	@deploy/packages.sh deploy/packages/image.txt
+	deploy/image/tryout/build.sh $(BUILD)/image
+
+tryout-test: web-app
+	@deploy/packages.sh deploy/packages/image.txt
+	timeout --kill-after=60 7200 deploy/image/tryout/test.sh $(BUILD)/image
 
 # Run as root. Takes the image of `make image` if it is there, else makes one of the packages of `make deb`.
 compose-test: deb
