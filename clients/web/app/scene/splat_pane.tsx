@@ -1,10 +1,16 @@
 // The 3D view of a scene: dragging turns it, a click segments, a double click sets what it turns about.
 import type { JSX } from 'preact';
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { Icon } from '../components/icons';
 import { MissNote } from '../components/miss_note';
+import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import { unseenOf } from '../gaussians/gaussian_edits';
+import { OutlineMark, PickBar } from '../gaussians/pick_bar';
+import type { Picking } from '../gaussians/use_picking';
+import { usePicking } from '../gaussians/use_picking';
 import { paintMask } from '../mask/paint';
+import { useStore } from '../store';
 import type { SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Miss } from './miss';
@@ -29,6 +35,9 @@ interface Props {
   showing: Showing;
   /** Named things in their colours, while no selection is shown. */
   things: TintedThings | undefined;
+  edits: GaussianEdits;
+  picking: Picking;
+  onPicking: (picking: Picking) => void;
   onPoint: (camera: FreeCamera, point: Point) => void;
   /** Takes back the prompt of the last click, which was the first one of a double click. */
   onTakeBack: () => void;
@@ -50,7 +59,22 @@ const turns: Record<string, readonly [number, number, number]> = {
 
 type Status = 'loading' | 'ready' | { error: string };
 
-function useViewer({ model, views, view, selection, showing, things }: Props, onMoved: () => void) {
+const turnLabel =
+  '3D view. Arrow keys turn it, plus and minus come closer and go away, Enter segments what is in its middle.';
+const pickLabel =
+  '3D view. Arrow keys turn it, plus and minus come closer and go away, Enter picks the Gaussians in its middle; with Shift it adds them, with Alt it takes them away.';
+
+/** Returns how the Gaussians are drawn; undefined: as they are. */
+function useMarks(edits: GaussianEdits) {
+  const { gaussians, edits: edited } = useStore(edits.state);
+  return useMemo(() => {
+    if (!gaussians) return undefined;
+    return { centers: gaussians.centers, picked: edited.picked, hidden: unseenOf(edited) };
+  }, [gaussians, edited]);
+}
+
+function useViewer(props: Props, onMoved: () => void) {
+  const { model, views, view, selection, showing, things, edits, picking } = props;
   const canvas = useRef<HTMLCanvasElement>(null);
   const viewer = useRef<SplatViewer | undefined>(undefined);
   const [status, setStatus] = useState<Status>('loading');
@@ -101,11 +125,14 @@ function useViewer({ model, views, view, selection, showing, things }: Props, on
     };
   }, [made, model, selection, showing, things]);
   useEffect(() => viewer.current?.goTo(view), [made, view]);
+  const marks = useMarks(edits);
+  useEffect(() => viewer.current?.mark(marks), [made, marks]);
+  useEffect(() => viewer.current?.letTurn(picking.drag === 'turn'), [made, picking.drag]);
   return { canvas, viewer, status, shown };
 }
 
 export function SplatPane(props: Props): JSX.Element {
-  const { view, mask, prompt, miss, tool, onPoint, onTakeBack } = props;
+  const { view, mask, prompt, miss, tool, edits, picking, onPicking, onPoint, onTakeBack } = props;
   const overlay = useRef<HTMLCanvasElement>(null);
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
@@ -115,6 +142,8 @@ export function SplatPane(props: Props): JSX.Element {
     asked.current = undefined;
     setStale(true);
   });
+  const drawn = usePicking(picking, edits, viewer);
+  const { numPicked, numHidden } = useStore(edits.state);
   const points = prompt?.kind === 'points' && 'camera' in prompt.place ? prompt.points : [];
   const camera =
     prompt && 'place' in prompt && 'camera' in prompt.place ? prompt.place.camera : undefined;
@@ -137,10 +166,13 @@ export function SplatPane(props: Props): JSX.Element {
     setStale(false);
     onPoint(at, { x: x * at.width, y: y * at.height, negative: negative || tool === 'exclude' });
   };
-  const press = ({ button, clientX: x, clientY: y }: PointerEvent) => {
+  const press = (event: PointerEvent) => {
+    const { button, clientX: x, clientY: y } = event;
     pressed.current = button === 0 ? { x, y } : undefined;
+    drawn.press(event);
   };
   const release = (event: PointerEvent) => {
+    if (drawn.draws) return drawn.release();
     const from = pressed.current;
     pressed.current = undefined;
     if (!from || Math.hypot(event.clientX - from.x, event.clientY - from.y) > 4) return;
@@ -162,6 +194,7 @@ export function SplatPane(props: Props): JSX.Element {
   const key = (event: KeyboardEvent) => {
     const turn = turns[event.key];
     if (turn) viewer.current?.turn(...turn);
+    else if (event.key === 'Enter' && drawn.draws) drawn.pickMiddle(event);
     else if (event.key === 'Enter') ask(0.5, 0.5, event.shiftKey);
     else return;
     event.preventDefault();
@@ -172,15 +205,19 @@ export function SplatPane(props: Props): JSX.Element {
       class="splats"
       data-status={typeof status === 'string' ? status : 'error'}
       data-shown={shown}
+      data-picked={numPicked}
+      data-hidden={numHidden}
       data-things={status === 'ready' ? (props.things?.parts.length ?? 0) : undefined}
     >
       <canvas
         ref={canvas}
-        class="splats-canvas"
+        class={`splats-canvas ${drawn.draws ? 'picking' : ''}`}
         tabIndex={0}
         role="application"
-        aria-label="3D view. Arrow keys turn it, plus and minus come closer and go away, Enter segments what is in its middle."
+        aria-label={drawn.draws ? pickLabel : turnLabel}
         onPointerDown={press}
+        onPointerMove={drawn.move}
+        onPointerCancel={drawn.drop}
         onPointerUp={release}
         onKeyDown={key}
       />
@@ -201,6 +238,8 @@ export function SplatPane(props: Props): JSX.Element {
       {miss && 'camera' in miss.place && isShown(miss.place.camera) && (
         <MissNote x={miss.x / miss.place.camera.width} y={miss.y / miss.place.camera.height} />
       )}
+      {drawn.outline.length > 1 && <OutlineMark outline={drawn.outline} />}
+      <PickBar edits={edits} picking={picking} onPicking={onPicking} />
       <div class="pane-buttons right">
         <button type="button" title="All of the scene (H)" onClick={home}>
           <Icon name="home" /> Home

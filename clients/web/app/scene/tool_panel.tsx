@@ -2,6 +2,8 @@
 import type { JSX } from 'preact';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { FailureNote } from '../components/failure_note';
+import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import { GaussianTools } from '../gaussians/gaussian_tools';
 import { useStore } from '../store';
 import { AfterTraining } from './after_training';
 import type { Brush } from './brush';
@@ -36,6 +38,7 @@ interface Props {
   segmentNames: SegmentNames;
   things: ThingMasks;
   thingsIn3d: ThingsIn3d;
+  edits: GaussianEdits;
   views: readonly View[];
   /** The shown view. */
   view: View;
@@ -102,6 +105,7 @@ export function ToolPanel(props: Props): JSX.Element {
             <FindTools {...props} />
             <LabelTools {...props} shownView={view.view} />
             <SelectionTools session={session} selections={selections} />
+            <GaussianTools {...props} />
             <DownloadTools {...props} />
           </>
         )}

@@ -2,6 +2,8 @@
 import type { JSX } from 'preact';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
+import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import { loadingText } from '../gaussians/gaussian_tools';
 import { useStore } from '../store';
 import { describeAnswer } from './describe_answer';
 import type { SceneEverything } from './everything';
@@ -86,18 +88,20 @@ interface StatusProps {
   selections: SceneSelections;
   everything: SceneEverything;
   thingsIn3d: ThingsIn3d;
+  edits: GaussianEdits;
   /** Name of the shown view. */
   shown: string;
 }
 
 /** States and failures of all sections, over the panes while the panel is folded. */
 export function FoldedStatus(props: StatusProps): JSX.Element {
-  const { session, finder, selections, everything, thingsIn3d, shown } = props;
+  const { session, finder, selections, everything, thingsIn3d, edits, shown } = props;
   const state = useStore(session.state);
   const finding = useStore(finder.state);
   const selecting = useStore(selections.state);
   const colouring = useStore(thingsIn3d.state);
   const splitting = useStore(everything.state);
+  const picking = useStore(edits.state);
   const texts = [
     state.prompt && describeAnswer(state, shown, session.views),
     finding.busy && 'Looking through the scene …',
@@ -105,6 +109,7 @@ export function FoldedStatus(props: StatusProps): JSX.Element {
     waitTexts[splitting.waits],
     colouring.busy && 'Selecting the things …',
     selecting.busy && 'Selecting: looking at the views …',
+    loadingText(picking),
   ].filter(Boolean);
   return (
     <div class="folded-status">
@@ -112,6 +117,7 @@ export function FoldedStatus(props: StatusProps): JSX.Element {
       <FailureNote failure={finding.failure} close={() => finder.clear()} />
       <FailureNote failure={selecting.failure} close={() => selections.closeFailure()} />
       <FailureNote failure={splitting.failure} close={() => everything.closeFailure()} />
+      <FailureNote failure={picking.failure} close={() => edits.closeFailure()} />
       <p role="status" class={texts.length > 0 ? 'pane-note' : ''}>
         {texts.join(' ')}
       </p>

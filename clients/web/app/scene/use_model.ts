@@ -2,6 +2,7 @@
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { steadily } from '../api/server_link';
+import { GaussianEdits } from '../gaussians/gaussian_edits';
 import { useStore } from '../store';
 import { SceneEverything } from './everything';
 import { SceneFinder } from './finder';
@@ -31,6 +32,7 @@ export function useModel({ scene, model }: Subject, views: readonly View[]) {
       thingsIn3d: new ThingsIn3d(model, labels),
       finder: new SceneFinder(model),
       everything: new SceneEverything(model, selections),
+      edits: new GaussianEdits(model),
     };
   }, [model, views]);
   useEffect(() => {
@@ -45,6 +47,7 @@ export function useModel({ scene, model }: Subject, views: readonly View[]) {
       parts.everything.turn(false);
       parts.things.end();
       parts.thingsIn3d.turn(false);
+      parts.edits.end();
     };
   }, [parts]);
   return parts;

@@ -4,6 +4,7 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
 import { useAsked } from '../api/use_asked';
+import type { DragTool, Picking } from '../gaussians/use_picking';
 import { useStore } from '../store';
 import { useNarrow } from '../use_narrow';
 import { firstBrush, withWidth } from './brush';
@@ -47,13 +48,14 @@ function useOnce(holds: boolean): boolean {
 export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
   const isTraining = isJob(subject.model);
   const model = useModel(subject, views);
-  const { session, selections, labels, finder, everything, things, thingsIn3d } = model;
+  const { session, selections, labels, finder, everything, things, thingsIn3d, edits } = model;
   const [viewName, setViewName] = useState('');
   const view = views.find((other) => other.view === viewName) ?? views[0];
   const setView = (to: View) => setViewName(to.view);
   const [tool, setTool] = useState<Tool>('include');
   const [brush, setBrush] = useState(firstBrush);
   const [source, setSource] = useState<Source>('photo');
+  const [picking, setPicking] = useState<Picking>({ drag: 'turn', frontOnly: false });
   const [help, setHelp] = useState(false);
   /** The prompt of the last click in 3D. */
   const promptIn3d = useRef<Prompt | undefined>(undefined);
@@ -116,6 +118,11 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     // A click that hit nothing took itself back.
     if (now && now === promptIn3d.current) session.undo();
   };
+  /** Chooses what a drag in 3D does, which is shown; a second time it turns the view again. */
+  const dragIn3d = (drag: DragTool) => {
+    if (panes === 'photo') layout.show(narrow ? '3d' : 'both');
+    setPicking({ ...picking, drag: picking.drag === drag ? 'turn' : drag });
+  };
   const otherSide = () => {
     if (tool === 'brush') setBrush({ ...brush, negative: !brush.negative });
     else if (tool === 'paint' || tool === 'erase') setTool(tool === 'paint' ? 'erase' : 'paint');
@@ -144,12 +151,16 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     t: () => selections.show('tinted'),
     o: () => selections.show('isolated'),
     w: () => selections.show('hidden'),
+    R: () => dragIn3d('box'),
+    F: () => dragIn3d('lasso'),
+    Delete: () => edits.hidePicked(),
   };
   useShortcuts({
     ...(!isTraining && ofModels),
     '?': () => setHelp(true),
     'Ctrl+z': () => session.undo(),
     Escape: () => {
+      if (picking.drag !== 'turn') return setPicking({ ...picking, drag: 'turn' });
       if (!session.state.get().prompt) everything.turn(false);
       session.clear();
     },
@@ -224,6 +235,9 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
                 selection={selection?.name}
                 showing={showing}
                 things={tintedThings}
+                edits={edits}
+                picking={picking}
+                onPicking={setPicking}
                 onPoint={addPointIn3d}
                 onTakeBack={takeBackIn3d}
               />

@@ -1,26 +1,33 @@
 // The 3D view: the exported PLY, drawn by Spark on three.js.
-import { SparkRenderer, SplatFileType, SplatMesh } from '@sparkjsdev/spark';
+import { SparkRenderer } from '@sparkjsdev/spark';
 import {
-  Color,
+  MOUSE,
+  Matrix4,
   PerspectiveCamera,
   Raycaster,
   Scene,
+  TOUCH,
   Vector2,
   Vector3,
   WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import type { GaussianSet } from '../gaussians/gaussian_set';
+import type { Sight } from '../gaussians/pick';
 import type { FreeCamera } from '../scene/prompt';
 import type { Lens, Pose } from './camera';
 import { fieldOfView, focusOf, freeCameraOf, lensOf, poseOf, upOf } from './camera';
+import type { Marks } from './marked_splats';
+import { MarkedSplats } from './marked_splats';
 import type { Reach, Sphere } from './reach';
 import { keepWithin, reachOf, sphereOf } from './reach';
+import type { Tint } from './tint';
 
 export interface SplatPart {
   readonly url: string;
   /** Factors of red, green and blue; absent: the model's colours. */
-  readonly tint?: readonly [number, number, number] | undefined;
+  readonly tint?: Tint | undefined;
 }
 
 /** Maximum height of the pictures that are segmented, pixels; smaller screens use their own. */
@@ -31,8 +38,8 @@ const maxSampled = 20_000;
 const homeLens: Lens = { across: 0.47, up: 0.47 };
 
 /** Returns the centres of some Gaussians, evenly spread over their order. */
-function sampledCenters(meshes: readonly SplatMesh[]): Vector3[] {
-  const all = meshes.flatMap(({ packedSplats, extSplats }) => packedSplats ?? extSplats ?? []);
+function sampledCenters(parts: readonly MarkedSplats[]): Vector3[] {
+  const all = parts.flatMap(({ mesh }) => mesh.packedSplats ?? mesh.extSplats ?? []);
   const total = all.reduce((sum, { numSplats }) => sum + numSplats, 0);
   const step = Math.max(1, Math.ceil(total / maxSampled));
   return all.flatMap((splats) =>
@@ -56,7 +63,8 @@ export class SplatViewer {
   private readonly spark: SparkRenderer;
   private readonly controls: OrbitControls;
   private readonly sizes: ResizeObserver;
-  private meshes: SplatMesh[] = [];
+  private parts: MarkedSplats[] = [];
+  private marks: Marks | undefined;
   private loading = new AbortController();
   private drawing = 0;
   private lens: Lens = { across: 0.5, up: 0.5 };
@@ -97,30 +105,56 @@ export class SplatViewer {
     this.loading.abort();
     this.loading = new AbortController();
     const { signal } = this.loading;
-    const meshes = await Promise.all(
-      parts.map(async ({ url, tint }) => {
-        const fileBytes = await fetchPly(url, signal);
-        const mesh = new SplatMesh({ fileBytes, fileType: SplatFileType.PLY });
-        await mesh.initialized;
-        if (tint) mesh.recolor = new Color(...tint);
-        return mesh;
-      }),
+    const loaded = await Promise.all(
+      parts.map(async ({ url, tint }) => MarkedSplats.of(await fetchPly(url, signal), tint)),
     );
     if (signal.aborted) {
-      for (const mesh of meshes) mesh.dispose();
+      for (const part of loaded) part.dispose();
       return;
     }
-    for (const old of this.meshes) {
-      this.scene.remove(old);
+    for (const old of this.parts) {
+      this.scene.remove(old.mesh);
       old.dispose();
     }
-    this.meshes = meshes;
-    for (const mesh of meshes) this.scene.add(mesh);
-    const sphere = sphereOf(sampledCenters(meshes));
+    this.parts = loaded;
+    for (const { mesh } of loaded) this.scene.add(mesh);
+    this.mark(this.marks);
+    const sphere = sphereOf(sampledCenters(loaded));
     // A selection may be loaded first: the scene is the largest of what was loaded.
     if (sphere && sphere.radius > (this.sphere?.radius ?? 0)) this.sphere = sphere;
     this.putReach();
     this.draw();
+  }
+
+  /** Draws Gaussians as picked, or not at all; undefined: all as they are. */
+  mark(marks: Marks | undefined): void {
+    this.marks = marks;
+    if (marks) for (const part of this.parts) part.mark(marks);
+    this.draw();
+  }
+
+  /** Returns the model's Gaussians that are drawn; nothing before the first marks. */
+  drawn(): GaussianSet {
+    const set = new Uint8Array(this.marks?.hidden.length ?? 0);
+    if (!this.marks) return set;
+    for (const part of this.parts) part.addTo(set, this.marks);
+    const { hidden } = this.marks;
+    return set.map((isIn, i) => (hidden[i] ? 0 : isIn));
+  }
+
+  /** Returns how Gaussians come onto the screen now. */
+  sight(): Sight {
+    this.camera.updateMatrixWorld();
+    const { projectionMatrix, matrixWorldInverse } = this.camera;
+    const matrix = new Matrix4().multiplyMatrices(projectionMatrix, matrixWorldInverse);
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return { matrix: matrix.elements, width, height };
+  }
+
+  /** Lets a drag turn the view, or leaves it to who draws over it. The other buttons and two fingers move the view. */
+  letTurn(turns: boolean): void {
+    this.controls.mouseButtons.LEFT = turns ? MOUSE.ROTATE : null;
+    this.controls.touches.ONE = turns ? TOUCH.ROTATE : null;
   }
 
   goTo(view: View): void {
@@ -154,7 +188,10 @@ export class SplatViewer {
   pivotAt(x: number, y: number): void {
     const ray = new Raycaster();
     ray.setFromCamera(new Vector2(2 * x - 1, 1 - 2 * y), this.camera);
-    const [hit] = ray.intersectObjects(this.meshes, false);
+    const [hit] = ray.intersectObjects(
+      this.parts.map(({ mesh }) => mesh),
+      false,
+    );
     if (!hit) return;
     this.controls.target.copy(hit.point);
     this.jump();
@@ -186,7 +223,7 @@ export class SplatViewer {
     cancelAnimationFrame(this.drawing);
     this.sizes.disconnect();
     this.controls.dispose();
-    for (const mesh of this.meshes) mesh.dispose();
+    for (const part of this.parts) part.dispose();
     this.renderer.dispose();
   }
 

@@ -6,6 +6,7 @@ import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
 import { testEverything } from './everything_tests';
 import { testExports } from './export_tests';
+import { testGaussians } from './gaussian_tests';
 import { testHover } from './hover_tests';
 import { testLayout } from './layout_tests';
 import { testMasks } from './mask_tests';
@@ -301,6 +302,8 @@ testEverything(() => ({ page }));
 testThings(() => ({ page }));
 
 testMasks(() => ({ page }));
+
+testGaussians(() => ({ page }));
 
 testExports(() => ({ stack, context, page, namedAreas }));
 
