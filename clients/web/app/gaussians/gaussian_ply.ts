@@ -98,10 +98,10 @@ export function readGaussianPly(bytes: ArrayBuffer): GaussianPly {
   const { count } = header;
   const sizes = new Float32Array(count);
   const opacities = new Float32Array(count);
-  const scales = ['scale_0', 'scale_1', 'scale_2'].map((name) => reader(bytes, header, name));
+  const [a, b, c] = ['scale_0', 'scale_1', 'scale_2'].map((name) => reader(bytes, header, name));
   const opacity = reader(bytes, header, 'opacity');
-  for (let i = 0; i < count; ++i) {
-    sizes[i] = Math.exp(Math.max(...scales.map((scale) => scale(i))));
+  for (let i = 0; a && b && c && i < count; ++i) {
+    sizes[i] = Math.exp(Math.max(a(i), b(i), c(i)));
     opacities[i] = 1 / (1 + Math.exp(-opacity(i)));
   }
   return { count, centers: centersWith(bytes, header), sizes, opacities };

@@ -5,7 +5,7 @@ import { Icon } from '../components/icons';
 import { countText } from '../format';
 import { useStore } from '../store';
 import type { GaussianEdits } from './gaussian_edits';
-import { loadingText } from './gaussian_tools';
+import { waitText } from './gaussian_tools';
 import type { DragTool, Picking } from './use_picking';
 
 const drags: readonly { drag: DragTool; name: string; icon: IconName; title: string }[] = [
@@ -57,10 +57,10 @@ function PickedBar({ edits }: { edits: GaussianEdits }): JSX.Element {
 export function PickBar({ edits, picking, onPicking }: Props): JSX.Element {
   const { drag, frontOnly } = picking;
   const state = useStore(edits.state);
-  const waits = loadingText(state);
+  const waits = waitText(state);
   return (
     <div class="pick-bar">
-      <div class="pane-buttons" role="group" aria-label="What a drag in 3D does">
+      <div class="pane-buttons" role="group" aria-label="Picks and crop box in 3D">
         {drags.map(({ drag: other, name, icon, title }) => (
           <button
             key={other}
@@ -83,6 +83,15 @@ export function PickBar({ edits, picking, onPicking }: Props): JSX.Element {
             In front
           </button>
         )}
+        <button
+          type="button"
+          aria-label="Crop box"
+          title="Hide all outside a box (C)"
+          aria-pressed={state.edits.crop !== undefined}
+          onClick={() => void edits.turnCrop(state.edits.crop === undefined)}
+        >
+          <Icon name="crop" />
+        </button>
       </div>
       {state.numPicked > 0 && <PickedBar edits={edits} />}
       {waits && <span class="pane-buttons count">{waits}</span>}

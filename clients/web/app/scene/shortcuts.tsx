@@ -50,6 +50,7 @@ const list: readonly (readonly [string, string])[] = [
   ['Double click in 3D', 'Turn about what is there'],
   ['Shift + R, Shift + F', '3D: pick Gaussians by box, by lasso; again, or Esc: turn'],
   ['Shift, Alt + drag while picking', 'Add to what is picked, take away from it'],
+  ['C', '3D: crop box, on or off'],
   ['Delete', 'Hide the picked Gaussians'],
   ['P', 'Fold or open the side panel'],
   ['[ and ]', 'View before, next view'],
@@ -62,7 +63,7 @@ const list: readonly (readonly [string, string])[] = [
   ['N', 'Named things in their colours, on or off'],
   ['S', 'Select in 3D'],
   ['T, O, W', 'Selection tinted, only it, without it'],
-  ['Ctrl + Z', 'Undo'],
+  ['Ctrl + Z, Ctrl + Shift + Z', 'Undo, redo: clicks, masks, names, and what is done in 3D'],
   ['Esc', 'Clear, also while you type a name; end everything'],
   ['?', 'This list'],
 ];

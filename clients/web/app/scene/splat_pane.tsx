@@ -8,6 +8,7 @@ import type { GaussianEdits } from '../gaussians/gaussian_edits';
 import { unseenOf } from '../gaussians/gaussian_edits';
 import { OutlineMark, PickBar } from '../gaussians/pick_bar';
 import type { Picking } from '../gaussians/use_picking';
+import { useCropping } from '../gaussians/use_cropping';
 import { usePicking } from '../gaussians/use_picking';
 import { paintMask } from '../mask/paint';
 import { useStore } from '../store';
@@ -69,7 +70,7 @@ function useMarks(edits: GaussianEdits) {
   const { gaussians, edits: edited } = useStore(edits.state);
   return useMemo(() => {
     if (!gaussians) return undefined;
-    return { centers: gaussians.centers, picked: edited.picked, hidden: unseenOf(edited) };
+    return { centers: gaussians.centers, picked: edited.picked, hidden: unseenOf(edited, gaussians) };
   }, [gaussians, edited]);
 }
 
@@ -127,6 +128,8 @@ function useViewer(props: Props, onMoved: () => void) {
   useEffect(() => viewer.current?.goTo(view), [made, view]);
   const marks = useMarks(edits);
   useEffect(() => viewer.current?.mark(marks), [made, marks]);
+  const { crop } = useStore(edits.state).edits;
+  useEffect(() => viewer.current?.showCrop(crop), [made, crop]);
   useEffect(() => viewer.current?.letTurn(picking.drag === 'turn'), [made, picking.drag]);
   return { canvas, viewer, status, shown };
 }
@@ -143,7 +146,11 @@ export function SplatPane(props: Props): JSX.Element {
     setStale(true);
   });
   const drawn = usePicking(picking, edits, viewer);
-  const { numPicked, numHidden } = useStore(edits.state);
+  const { numPicked, numHidden, edits: edited } = useStore(edits.state);
+  const cropping = useCropping(edited.crop, viewer, picking.drag === 'turn', {
+    onCrop: (crop) => edits.cropTo(crop),
+    onRest: () => edits.restCrop(),
+  });
   const points = prompt?.kind === 'points' && 'camera' in prompt.place ? prompt.points : [];
   const camera =
     prompt && 'place' in prompt && 'camera' in prompt.place ? prompt.place.camera : undefined;
@@ -167,11 +174,13 @@ export function SplatPane(props: Props): JSX.Element {
     onPoint(at, { x: x * at.width, y: y * at.height, negative: negative || tool === 'exclude' });
   };
   const press = (event: PointerEvent) => {
+    if (cropping.press(event)) return;
     const { button, clientX: x, clientY: y } = event;
     pressed.current = button === 0 ? { x, y } : undefined;
     drawn.press(event);
   };
   const release = (event: PointerEvent) => {
+    if (cropping.release()) return;
     if (drawn.draws) return drawn.release();
     const from = pressed.current;
     pressed.current = undefined;
@@ -207,6 +216,7 @@ export function SplatPane(props: Props): JSX.Element {
       data-shown={shown}
       data-picked={numPicked}
       data-hidden={numHidden}
+      data-crop={edited.crop && [...edited.crop.min, ...edited.crop.max].join(' ')}
       data-things={status === 'ready' ? (props.things?.parts.length ?? 0) : undefined}
     >
       <canvas
@@ -216,8 +226,8 @@ export function SplatPane(props: Props): JSX.Element {
         role="application"
         aria-label={drawn.draws ? pickLabel : turnLabel}
         onPointerDown={press}
-        onPointerMove={drawn.move}
-        onPointerCancel={drawn.drop}
+        onPointerMove={(event) => cropping.move(event) || drawn.move(event)}
+        onPointerCancel={() => cropping.release() || drawn.drop()}
         onPointerUp={release}
         onKeyDown={key}
       />

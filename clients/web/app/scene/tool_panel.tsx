@@ -19,7 +19,7 @@ import type { SceneLabels } from './labels';
 import { PieceTools } from './mask_tools';
 import { sizeOf } from './prompt';
 import type { SegmentNames } from './segment_names';
-import { GranularityTools, PromptButtons, PromptTools } from './segment_tools';
+import { GranularityTools, HistoryNote, PromptButtons, PromptTools } from './segment_tools';
 import { SelectionTools } from './selection_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
@@ -82,6 +82,7 @@ function SegmentSection(props: SegmentProps): JSX.Element {
           : `Click a thing in the view${isTraining ? '' : ' or in 3D'}.`}
       </p>
       <FailureNote failure={failure} close={() => session.closeFailure()} />
+      <HistoryNote history={session.history} />
       <GranularityTools session={session} hasSam={hasSam} />
       <PieceTools session={session} view={view.view} />
       <HoverSwitch session={session} />

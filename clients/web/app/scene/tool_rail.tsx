@@ -3,13 +3,13 @@ import type { JSX } from 'preact';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import type { GaussianEdits } from '../gaussians/gaussian_edits';
-import { loadingText } from '../gaussians/gaussian_tools';
+import { waitText } from '../gaussians/gaussian_tools';
 import { useStore } from '../store';
 import { describeAnswer } from './describe_answer';
 import type { SceneEverything } from './everything';
 import type { SceneFinder } from './finder';
 import { describeFound } from './found_things';
-import { PromptButtons, promptTools } from './segment_tools';
+import { HistoryNote, PromptButtons, promptTools } from './segment_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
 import type { ThingsIn3d } from './things_in_3d';
@@ -109,11 +109,12 @@ export function FoldedStatus(props: StatusProps): JSX.Element {
     waitTexts[splitting.waits],
     colouring.busy && 'Selecting the things …',
     selecting.busy && 'Selecting: looking at the views …',
-    loadingText(picking),
+    waitText(picking),
   ].filter(Boolean);
   return (
     <div class="folded-status">
       <FailureNote failure={state.failure} close={() => session.closeFailure()} />
+      <HistoryNote history={session.history} />
       <FailureNote failure={finding.failure} close={() => finder.clear()} />
       <FailureNote failure={selecting.failure} close={() => selections.closeFailure()} />
       <FailureNote failure={splitting.failure} close={() => everything.closeFailure()} />

@@ -3,6 +3,7 @@ import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { steadily } from '../api/server_link';
 import { GaussianEdits } from '../gaussians/gaussian_edits';
+import { History } from '../history';
 import { useStore } from '../store';
 import { SceneEverything } from './everything';
 import { SceneFinder } from './finder';
@@ -19,12 +20,15 @@ import { ThingsIn3d } from './things_in_3d';
 
 export function useModel({ scene, model }: Subject, views: readonly View[]) {
   const parts = useMemo(() => {
-    const selections = new SceneSelections(model);
-    const labels = new SceneLabels(scene);
+    const history = new History();
+    const selections = new SceneSelections(model, history);
+    const labels = new SceneLabels(scene, history);
     return {
+      history,
       session: new SceneSession(
         model,
         views.map(({ view }) => view),
+        history,
       ),
       selections,
       labels,
@@ -32,7 +36,7 @@ export function useModel({ scene, model }: Subject, views: readonly View[]) {
       thingsIn3d: new ThingsIn3d(model, labels),
       finder: new SceneFinder(model),
       everything: new SceneEverything(model, selections),
-      edits: new GaussianEdits(model),
+      edits: new GaussianEdits(model, history),
     };
   }, [model, views]);
   useEffect(() => {

@@ -48,7 +48,7 @@ function useOnce(holds: boolean): boolean {
 export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
   const isTraining = isJob(subject.model);
   const model = useModel(subject, views);
-  const { session, selections, labels, finder, everything, things, thingsIn3d, edits } = model;
+  const { session, selections, labels, finder, everything, things, thingsIn3d, edits, history } = model;
   const [viewName, setViewName] = useState('');
   const view = views.find((other) => other.view === viewName) ?? views[0];
   const setView = (to: View) => setViewName(to.view);
@@ -116,7 +116,7 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
   const takeBackIn3d = () => {
     const { prompt: now } = session.state.get();
     // A click that hit nothing took itself back.
-    if (now && now === promptIn3d.current) session.undo();
+    if (now && now === promptIn3d.current) void history.undo();
   };
   /** Chooses what a drag in 3D does, which is shown; a second time it turns the view again. */
   const dragIn3d = (drag: DragTool) => {
@@ -153,12 +153,15 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     w: () => selections.show('hidden'),
     R: () => dragIn3d('box'),
     F: () => dragIn3d('lasso'),
+    c: () => void edits.turnCrop(edits.state.get().edits.crop === undefined),
     Delete: () => edits.hidePicked(),
   };
   useShortcuts({
     ...(!isTraining && ofModels),
     '?': () => setHelp(true),
-    'Ctrl+z': () => session.undo(),
+    'Ctrl+z': () => void history.undo(),
+    'Ctrl+Z': () => void history.redo(),
+    'Ctrl+y': () => void history.redo(),
     Escape: () => {
       if (picking.drag !== 'turn') return setPicking({ ...picking, drag: 'turn' });
       if (!session.state.get().prompt) everything.turn(false);

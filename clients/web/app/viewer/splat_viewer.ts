@@ -1,5 +1,6 @@
 // The 3D view: the exported PLY, drawn by Spark on three.js.
 import { SparkRenderer } from '@sparkjsdev/spark';
+import type { Ray } from 'three';
 import {
   MOUSE,
   Matrix4,
@@ -13,11 +14,13 @@ import {
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import type { CropBox } from '../gaussians/crop_box';
 import type { GaussianSet } from '../gaussians/gaussian_set';
 import type { Sight } from '../gaussians/pick';
 import type { FreeCamera } from '../scene/prompt';
 import type { Lens, Pose } from './camera';
 import { fieldOfView, focusOf, freeCameraOf, lensOf, poseOf, upOf } from './camera';
+import { CropHandles } from './crop_handles';
 import type { Marks } from './marked_splats';
 import { MarkedSplats } from './marked_splats';
 import type { Reach, Sphere } from './reach';
@@ -65,6 +68,7 @@ export class SplatViewer {
   private readonly sizes: ResizeObserver;
   private parts: MarkedSplats[] = [];
   private marks: Marks | undefined;
+  readonly crop = new CropHandles();
   private loading = new AbortController();
   private drawing = 0;
   private lens: Lens = { across: 0.5, up: 0.5 };
@@ -86,7 +90,7 @@ export class SplatViewer {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 1.5));
     this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.draw() });
-    this.scene.add(this.spark);
+    this.scene.add(this.spark, this.crop);
     const poses = views.flatMap((view) => poseOf(view) ?? []);
     this.camera.up.copy(upOf(poses)); // the controls keep what it is when they are made
     this.controls = new OrbitControls(this.camera, canvas);
@@ -186,15 +190,24 @@ export class SplatViewer {
 
   /** Turns about what is at a position, given as shares of width and height, from now on. */
   pivotAt(x: number, y: number): void {
-    const ray = new Raycaster();
-    ray.setFromCamera(new Vector2(2 * x - 1, 1 - 2 * y), this.camera);
-    const [hit] = ray.intersectObjects(
+    const [hit] = this.rayCaster(x, y).intersectObjects(
       this.parts.map(({ mesh }) => mesh),
       false,
     );
     if (!hit) return;
     this.controls.target.copy(hit.point);
     this.jump();
+  }
+
+  /** Returns the line of sight through a position, given as shares of width and height. */
+  rayAt(x: number, y: number): Ray {
+    return this.rayCaster(x, y).ray;
+  }
+
+  /** Shows the crop box with its handles, or none. */
+  showCrop(box: CropBox | undefined): void {
+    this.crop.put(box);
+    this.draw();
   }
 
   /** Turns by angles, radians, about the target; `closer` multiplies the distance. */
@@ -223,8 +236,15 @@ export class SplatViewer {
     cancelAnimationFrame(this.drawing);
     this.sizes.disconnect();
     this.controls.dispose();
+    this.crop.dispose();
     for (const part of this.parts) part.dispose();
     this.renderer.dispose();
+  }
+
+  private rayCaster(x: number, y: number): Raycaster {
+    const caster = new Raycaster();
+    caster.setFromCamera(new Vector2(2 * x - 1, 1 - 2 * y), this.camera);
+    return caster;
   }
 
   private lookAt(poses: readonly Pose[]): void {
@@ -282,6 +302,7 @@ export class SplatViewer {
     if (this.drawing || this.canvas.clientWidth === 0) return;
     this.drawing = requestAnimationFrame(() => {
       this.drawing = 0;
+      this.crop.fitTo(this.camera);
       this.renderer.render(this.scene, this.camera);
     });
   }

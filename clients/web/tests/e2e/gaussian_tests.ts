@@ -1,8 +1,8 @@
-// Gaussians that are picked by box and lasso in 3D: added, taken away, hidden, shown alone and saved.
+// Gaussians in 3D that are picked by box and lasso, cut off by the crop box, or found as floaters.
 import { rmSync } from 'node:fs';
 import type { Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
-import { noFindings, picturesOf } from './on_screen';
+import { noFindings, picturesOf, screenshot } from './on_screen';
 import { numGaussians, saved } from './saved_files';
 
 /** Positions are shares of the 3D view's width and height. */
@@ -122,7 +122,14 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     await page.keyboard.press('Delete');
     await expect.poll(() => count('hidden')).toBe(numPicked);
     expect(await count('picked')).toBe(0);
-    expect(await colorIn3d(page, middle)).not.toEqual(before);
+    const without = await colorIn3d(page, middle);
+    expect(without).not.toEqual(before);
+    await page.keyboard.press('Control+z');
+    await expect.poll(() => count('picked')).toBe(numPicked);
+    expect(await count('hidden')).toBe(0);
+    await page.keyboard.press('Control+Shift+Z');
+    await expect.poll(() => count('hidden')).toBe(numPicked);
+    expect(await colorIn3d(page, middle)).toEqual(without);
 
     const whole = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
     const rest = await saved(page, page.getByRole('button', { name: 'Without hidden (PLY)' }));
@@ -135,5 +142,77 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     expect(Math.abs(after.r - before.r) + Math.abs(after.g - before.g)).toBeLessThan(10);
     await page.keyboard.press('Escape');
     await expect(page.getByRole('button', { name: 'Turn' })).toHaveAttribute('aria-pressed', 'true');
+  });
+
+  test('the crop box hides all outside, its faces are dragged, and its inside is saved', async () => {
+    test.setTimeout(300_000);
+    const { page } = shared();
+    const cropOf = async () =>
+      ((await splats().getAttribute('data-crop')) ?? '').split(' ').map(Number);
+    await page.keyboard.press('h');
+    await page.keyboard.press('c');
+    await expect.poll(cropOf, { timeout: 60_000 }).toHaveLength(6);
+    const inside = page.getByText(/[\d,]+ inside the box/);
+    const numInside = async () => Number(/[\d,]+/.exec(await inside.innerText())?.[0].replace(/,/g, ''));
+    const first = await numInside();
+    const whole = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
+    // 90 % along each of three axes.
+    expect(first / numGaussians(whole)).toBeGreaterThan(0.7);
+    expect(first / numGaussians(whole)).toBeLessThan(0.9);
+    await page.waitForTimeout(1500); // for Spark to sort
+    await picturesOf(page, 'scene-crop');
+
+    await page.getByText('Faces of the crop box').click();
+    const slider = page.getByLabel('X from');
+    await slider.focus();
+    await page.keyboard.press('PageUp');
+    await expect.poll(numInside).toBeLessThan(first);
+    await noFindings(page);
+
+    // The nearest handles are on the screen: one of them follows a drag.
+    const before = await cropOf();
+    const canvas = page.locator('.splats-canvas');
+    // The cursor says where a handle is.
+    const at = await canvas.evaluate((element) => {
+      const { left, top, width, height } = element.getBoundingClientRect();
+      for (let y = top + 8; y < top + height; y += 8) {
+        for (let x = left + 8; x < left + width; x += 8) {
+          element.dispatchEvent(new PointerEvent('pointermove', { clientX: x, clientY: y }));
+          if (element.classList.contains('on-handle')) return { x, y };
+        }
+      }
+      return undefined;
+    });
+    if (!at) throw new Error('no handle on the screen');
+    await page.mouse.move(at.x, at.y);
+    await page.mouse.down();
+    await page.mouse.move(at.x + 30, at.y + 25, { steps: 5 });
+    await page.mouse.up();
+    const moved = (await cropOf()).filter((value, i) => value !== before[i]);
+    expect(moved, 'one face').toHaveLength(1);
+    await expect(page.locator('.mark'), 'a drag is no click').toHaveCount(0);
+
+    const kept = await saved(page, page.getByRole('button', { name: 'Inside (PLY)' }));
+    expect(numGaussians(kept)).toBe(await numInside());
+    for (const file of [whole, kept]) rmSync(file);
+    await page.keyboard.press('c');
+    await expect(splats()).not.toHaveAttribute('data-crop', /./);
+  });
+
+  test('floaters are counted, shown, and hidden when the person says so', async () => {
+    const { page } = shared();
+    await page.getByRole('button', { name: 'Find floaters' }).click();
+    await expect(page.getByText(/[\d,]+ floaters picked. Hide them\?/)).toBeVisible({ timeout: 60_000 });
+    const numFloaters = await count('picked');
+    expect(numFloaters).toBeGreaterThan(0);
+    expect(await count('hidden')).toBe(0);
+    await page.waitForTimeout(1500); // for Spark to sort
+    await screenshot(page, 'scene-floaters');
+    await page.getByRole('button', { name: 'Hide floaters' }).click();
+    await expect.poll(() => count('hidden')).toBe(numFloaters);
+    await page.getByRole('button', { name: 'Find floaters' }).click();
+    await expect(page.getByText('No floaters found.')).toBeVisible({ timeout: 60_000 });
+    await page.getByRole('button', { name: 'Show hidden' }).click();
+    await page.keyboard.press('b');
   });
 }

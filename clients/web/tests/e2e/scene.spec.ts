@@ -7,6 +7,7 @@ import { expect, test } from '@playwright/test';
 import { testEverything } from './everything_tests';
 import { testExports } from './export_tests';
 import { testGaussians } from './gaussian_tests';
+import { testHistory } from './history_tests';
 import { testHover } from './hover_tests';
 import { testLayout } from './layout_tests';
 import { testMasks } from './mask_tests';
@@ -304,6 +305,8 @@ testThings(() => ({ page }));
 testMasks(() => ({ page }));
 
 testGaussians(() => ({ page }));
+
+testHistory(() => ({ page }));
 
 testExports(() => ({ stack, context, page, namedAreas }));
 
