@@ -9,7 +9,9 @@ import type { Combination } from './gaussian_set';
 import { inFrontOf, pickInside } from './pick';
 
 /** What a drag in 3D does. */
-export type DragTool = 'turn' | 'box' | 'lasso';
+export const dragTools = ['turn', 'box', 'lasso'] as const;
+
+export type DragTool = (typeof dragTools)[number];
 
 export interface Picking {
   readonly drag: DragTool;

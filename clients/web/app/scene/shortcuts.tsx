@@ -50,6 +50,7 @@ const list: readonly (readonly [string, string])[] = [
   ['Double click in 3D', 'Turn about what is there'],
   ['Shift + R, Shift + F', '3D: pick Gaussians by box, by lasso; again, or Esc: turn'],
   ['Shift, Alt + drag while picking', 'Add to what is picked, take away from it'],
+  ['M', '3D: the photographs’ cameras, on or off; a click on one goes to its view'],
   ['C', '3D: crop box, on or off'],
   ['Delete', 'Hide the picked Gaussians'],
   ['P', 'Fold or open the side panel'],

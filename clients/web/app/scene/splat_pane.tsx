@@ -11,7 +11,9 @@ import type { Picking } from '../gaussians/use_picking';
 import { useCropping } from '../gaussians/use_cropping';
 import { usePicking } from '../gaussians/use_picking';
 import { paintMask } from '../mask/paint';
+import { queryValue, setQueryValue } from '../router';
 import { useStore } from '../store';
+import { placeText, readPlace } from '../viewer/camera_text';
 import type { SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Miss } from './miss';
@@ -20,6 +22,8 @@ import type { Showing } from './selections';
 import { useShortcuts } from './shortcuts';
 import type { TintedThings } from './splat_parts';
 import { splatParts } from './splat_parts';
+import type { Cameras } from './use_cameras';
+import { CameraNote, useCameras } from './use_cameras';
 import type { Tool } from './use_drawing';
 
 interface Props {
@@ -39,11 +43,16 @@ interface Props {
   edits: GaussianEdits;
   picking: Picking;
   onPicking: (picking: Picking) => void;
+  cameras: Cameras;
   onPoint: (camera: FreeCamera, point: Point) => void;
   /** Takes back the prompt of the last click, which was the first one of a double click. */
   onTakeBack: () => void;
 }
 
+/** Name of the camera's place in the URL's query. */
+const placeName = 'at';
+/** How long the camera rests before its place is in the URL, milliseconds. */
+const restTime = 300;
 /** Maximum time between the clicks of a double click, milliseconds. */
 const doubleTime = 350;
 /** Maximum distance between the clicks of a double click, pixels of the screen. */
@@ -81,8 +90,16 @@ function useViewer(props: Props, onMoved: () => void) {
   const [status, setStatus] = useState<Status>('loading');
   const [made, setMade] = useState(0);
   const [shown, setShown] = useState<Showing>();
+  const resting = useRef(0);
   const moved = useRef(onMoved);
-  moved.current = onMoved;
+  moved.current = () => {
+    onMoved();
+    clearTimeout(resting.current);
+    resting.current = window.setTimeout(() => {
+      const place = viewer.current?.place();
+      setQueryValue(placeName, place && placeText(place));
+    }, restTime);
+  };
   useEffect(() => {
     let gone = false;
     // three.js and Spark are most of the app's bytes: they are loaded when they are needed.
@@ -102,6 +119,7 @@ function useViewer(props: Props, onMoved: () => void) {
     );
     return () => {
       gone = true;
+      clearTimeout(resting.current);
       viewer.current?.end();
       viewer.current = undefined;
     };
@@ -126,25 +144,31 @@ function useViewer(props: Props, onMoved: () => void) {
     };
   }, [made, model, selection, showing, things]);
   useEffect(() => viewer.current?.goTo(view), [made, view]);
+  // After the view's camera: the place that the address says.
+  useEffect(() => {
+    const place = readPlace(queryValue(placeName));
+    if (place) viewer.current?.putAt(place);
+  }, [made]);
   const marks = useMarks(edits);
   useEffect(() => viewer.current?.mark(marks), [made, marks]);
   const { crop } = useStore(edits.state).edits;
   useEffect(() => viewer.current?.showCrop(crop), [made, crop]);
   useEffect(() => viewer.current?.letTurn(picking.drag === 'turn'), [made, picking.drag]);
-  return { canvas, viewer, status, shown };
+  return { canvas, viewer, status, shown, made };
 }
 
 export function SplatPane(props: Props): JSX.Element {
-  const { view, mask, prompt, miss, tool, edits, picking, onPicking, onPoint, onTakeBack } = props;
+  const { view, views, mask, prompt, miss, tool, edits, picking, onPicking, onPoint, onTakeBack } = props;
   const overlay = useRef<HTMLCanvasElement>(null);
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
   const clicked = useRef<{ x: number; y: number; time: number } | undefined>(undefined);
   const [stale, setStale] = useState(false);
-  const { canvas, viewer, status, shown } = useViewer(props, () => {
+  const { canvas, viewer, status, shown, made: numMade } = useViewer(props, () => {
     asked.current = undefined;
     setStale(true);
   });
+  const cameras = useCameras(props.cameras, views, viewer, numMade);
   const drawn = usePicking(picking, edits, viewer);
   const { numPicked, numHidden, edits: edited } = useStore(edits.state);
   const cropping = useCropping(edited.crop, viewer, picking.drag === 'turn', {
@@ -193,6 +217,7 @@ export function SplatPane(props: Props): JSX.Element {
       event.timeStamp - first.time < doubleTime &&
       Math.hypot(from.x - first.x, from.y - first.y) < doubleSlack;
     clicked.current = isDouble ? undefined : { ...from, time: event.timeStamp };
+    if (cameras.under) return props.cameras.onView(cameras.under.view);
     if (!isDouble) return ask(x, y, event.shiftKey);
     onTakeBack();
     viewer.current?.pivotAt(x, y);
@@ -226,7 +251,12 @@ export function SplatPane(props: Props): JSX.Element {
         role="application"
         aria-label={drawn.draws ? pickLabel : turnLabel}
         onPointerDown={press}
-        onPointerMove={(event) => cropping.move(event) || drawn.move(event)}
+        onPointerMove={(event) => {
+          const isDragged = cropping.move(event);
+          if (!isDragged) drawn.move(event);
+          cameras.move(event, !isDragged && !drawn.draws);
+        }}
+        onPointerLeave={cameras.leave}
         onPointerCancel={() => cropping.release() || drawn.drop()}
         onPointerUp={release}
         onKeyDown={key}
@@ -249,8 +279,19 @@ export function SplatPane(props: Props): JSX.Element {
         <MissNote x={miss.x / miss.place.camera.width} y={miss.y / miss.place.camera.height} />
       )}
       {drawn.outline.length > 1 && <OutlineMark outline={drawn.outline} />}
+      {cameras.under && (
+        <CameraNote under={cameras.under} photo={props.cameras.photoOf(cameras.under.view)} />
+      )}
       <PickBar edits={edits} picking={picking} onPicking={onPicking} />
       <div class="pane-buttons right">
+        <button
+          type="button"
+          title="The photographs’ cameras, on or off (M)"
+          aria-pressed={props.cameras.areShown}
+          onClick={() => props.cameras.onShow(!props.cameras.areShown)}
+        >
+          Cameras
+        </button>
         <button type="button" title="All of the scene (H)" onClick={home}>
           <Icon name="home" /> Home
         </button>

@@ -1,6 +1,7 @@
 // The Gaussians of a file in the 3D view, each of which can be drawn as picked or not at all.
 import { RgbaArray, SplatFileType, SplatMesh, dyno, readRgbaArray } from '@sparkjsdev/spark';
 import { Color } from 'three';
+import type { Vector3 } from 'three';
 import { centersOf, indicesIn } from '../gaussians/gaussian_ply';
 import type { GaussianSet } from '../gaussians/gaussian_set';
 import type { Tint } from './tint';
@@ -14,6 +15,8 @@ export interface Marks {
   readonly hidden: GaussianSet;
 }
 
+/** Maximum number of Gaussians by which the scene's size is estimated. */
+const maxSampled = 20_000;
 const tintText = `vec3(${selectionTint.map((factor) => factor.toFixed(2)).join(', ')})`;
 
 /** Returns a modifier of Spark: red marks what is picked, green what is hidden. */
@@ -86,4 +89,24 @@ export class MarkedSplats {
   private indicesIn({ centers }: Marks): Uint32Array {
     return (this.indices ??= indicesIn(centers, this.centers));
   }
+}
+
+/** Returns the centres of some Gaussians, evenly spread over their order. */
+export function sampledCenters(parts: readonly MarkedSplats[]): Vector3[] {
+  const all = parts.flatMap(({ mesh }) => mesh.packedSplats ?? mesh.extSplats ?? []);
+  const total = all.reduce((sum, { numSplats }) => sum + numSplats, 0);
+  const step = Math.max(1, Math.ceil(total / maxSampled));
+  return all.flatMap((splats) =>
+    Array.from({ length: Math.floor(splats.numSplats / step) }, (_, i) =>
+      splats.getSplat(i * step).center.clone(),
+    ),
+  );
+}
+
+/** Throws the server's error. */
+export async function fetchPly(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
+  const response = await fetch(url, { signal });
+  if (response.ok) return response.arrayBuffer();
+  const body = (await response.json().catch(() => undefined)) as { message?: string } | undefined;
+  throw new Error(body?.message ?? `the model's PLY: HTTP ${response.status}`);
 }

@@ -20,9 +20,11 @@ import type { Sight } from '../gaussians/pick';
 import type { FreeCamera } from '../scene/prompt';
 import type { Lens, Pose } from './camera';
 import { fieldOfView, focusOf, freeCameraOf, lensOf, poseOf, upOf } from './camera';
+import type { CameraPlace } from './camera_text';
 import { CropHandles } from './crop_handles';
+import { Frustums } from './frustums';
 import type { Marks } from './marked_splats';
-import { MarkedSplats } from './marked_splats';
+import { MarkedSplats, fetchPly, sampledCenters } from './marked_splats';
 import type { Reach, Sphere } from './reach';
 import { keepWithin, reachOf, sphereOf } from './reach';
 import type { Tint } from './tint';
@@ -35,29 +37,10 @@ export interface SplatPart {
 
 /** Maximum height of the pictures that are segmented, pixels; smaller screens use their own. */
 const maxPictureHeight = 720;
-/** Maximum number of Gaussians by which the scene's size is estimated. */
-const maxSampled = 20_000;
 /** What is seen of the whole scene: about 50 degrees. */
 const homeLens: Lens = { across: 0.47, up: 0.47 };
-
-/** Returns the centres of some Gaussians, evenly spread over their order. */
-function sampledCenters(parts: readonly MarkedSplats[]): Vector3[] {
-  const all = parts.flatMap(({ mesh }) => mesh.packedSplats ?? mesh.extSplats ?? []);
-  const total = all.reduce((sum, { numSplats }) => sum + numSplats, 0);
-  const step = Math.max(1, Math.ceil(total / maxSampled));
-  return all.flatMap((splats) =>
-    Array.from({ length: Math.floor(splats.numSplats / step) }, (_, i) =>
-      splats.getSplat(i * step).center.clone(),
-    ),
-  );
-}
-
-async function fetchPly(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
-  const response = await fetch(url, { signal });
-  if (response.ok) return response.arrayBuffer();
-  const body = (await response.json().catch(() => undefined)) as { message?: string } | undefined;
-  throw new Error(body?.message ?? `the model's PLY: HTTP ${response.status}`);
-}
+/** Height of the photographs' cameras, in radii of the scene. */
+const cameraShare = 0.12;
 
 export class SplatViewer {
   private readonly renderer: WebGLRenderer;
@@ -69,6 +52,9 @@ export class SplatViewer {
   private parts: MarkedSplats[] = [];
   private marks: Marks | undefined;
   readonly crop = new CropHandles();
+  private readonly frustums: Frustums;
+  /** Whether the camera is that of the newest view, as it was put there. */
+  private isAtView = false;
   private loading = new AbortController();
   private drawing = 0;
   private lens: Lens = { across: 0.5, up: 0.5 };
@@ -90,7 +76,8 @@ export class SplatViewer {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 1.5));
     this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.draw() });
-    this.scene.add(this.spark, this.crop);
+    this.frustums = new Frustums(views);
+    this.scene.add(this.spark, this.crop, this.frustums);
     const poses = views.flatMap((view) => poseOf(view) ?? []);
     this.camera.up.copy(upOf(poses)); // the controls keep what it is when they are made
     this.controls = new OrbitControls(this.camera, canvas);
@@ -126,6 +113,7 @@ export class SplatViewer {
     const sphere = sphereOf(sampledCenters(loaded));
     // A selection may be loaded first: the scene is the largest of what was loaded.
     if (sphere && sphere.radius > (this.sphere?.radius ?? 0)) this.sphere = sphere;
+    this.frustums.fit(cameraShare * (this.sphere?.radius ?? 0));
     this.putReach();
     this.draw();
   }
@@ -173,6 +161,37 @@ export class SplatViewer {
       .addScaledVector(ahead, toTarget > 0.05 ? toTarget : distance);
     this.lens = lensOf(view);
     this.jump();
+    this.isAtView = true;
+  }
+
+  /** Returns where the camera is; undefined if it is that of the newest view. */
+  place(): CameraPlace | undefined {
+    if (this.isAtView) return undefined;
+    const [position, target] = [this.camera.position.toArray(), this.controls.target.toArray()];
+    return { position, target, lens: this.lens };
+  }
+
+  putAt({ position, target, lens }: CameraPlace): void {
+    this.camera.position.set(...position);
+    this.controls.target.set(...target);
+    this.lens = lens;
+    this.jump();
+  }
+
+  showCameras(areShown: boolean): void {
+    this.frustums.visible = areShown;
+    this.draw();
+  }
+
+  /** Returns the view whose camera is at a position, given as shares of width and height. */
+  viewAt(x: number, y: number): string | undefined {
+    const { clientWidth, clientHeight } = this.canvas;
+    return this.frustums.viewAt({ x, y }, this.camera, clientWidth, clientHeight);
+  }
+
+  emphasise(view: string): void {
+    this.frustums.emphasise(view);
+    this.draw();
   }
 
   /** Shows all of the scene, from the side of the views; nothing until a model is loaded. */
@@ -237,6 +256,7 @@ export class SplatViewer {
     this.sizes.disconnect();
     this.controls.dispose();
     this.crop.dispose();
+    this.frustums.dispose();
     for (const part of this.parts) part.dispose();
     this.renderer.dispose();
   }
@@ -277,6 +297,7 @@ export class SplatViewer {
   }
 
   private changed(): void {
+    this.isAtView = false;
     const { target } = this.controls;
     if (this.reach && keepWithin(this.reach, this.camera.position, target)) {
       this.camera.lookAt(target);
@@ -291,7 +312,9 @@ export class SplatViewer {
     this.camera.aspect = clientWidth / clientHeight;
     this.fit();
     this.renderer.setSize(clientWidth, clientHeight, false);
+    const { isAtView } = this;
     this.changed();
+    this.isAtView = isAtView;
   }
 
   /**

@@ -116,7 +116,7 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     const picked = await saved(page, page.getByRole('button', { name: 'Picked (PLY)' }));
     expect(numGaussians(picked)).toBe(numPicked);
     const corner: Spot = [0.2, 0.5];
-    await page.getByRole('button', { name: 'Only' }).click();
+    await page.getByRole('button', { name: 'Only', exact: true }).click();
     const empty = await colorIn3d(page, corner);
     expect(empty.r + empty.g + empty.b).toBeLessThan(60);
     await page.keyboard.press('Delete');

@@ -10,6 +10,7 @@ import { testGaussians } from './gaussian_tests';
 import { testHistory } from './history_tests';
 import { testHover } from './hover_tests';
 import { testLayout } from './layout_tests';
+import { testLinks } from './link_tests';
 import { testMasks } from './mask_tests';
 import {
   answersPerSecond,
@@ -307,6 +308,8 @@ testMasks(() => ({ page }));
 testGaussians(() => ({ page }));
 
 testHistory(() => ({ page }));
+
+testLinks(() => ({ page }));
 
 testExports(() => ({ stack, context, page, namedAreas }));
 
