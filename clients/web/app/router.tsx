@@ -44,11 +44,14 @@ export function queryValue(name: string): string | undefined {
   return new URLSearchParams(location.search).get(name) ?? undefined;
 }
 
-/** Sets a value in the URL's query, without an entry in the browser's history. */
-export function setQueryValue(name: string, value: string): void {
+/** Sets a value in the URL's query, or takes it out, without an entry in the browser's history. */
+export function setQueryValue(name: string, value: string | undefined): void {
+  if (queryValue(name) === value) return;
   const query = new URLSearchParams(location.search);
-  query.set(name, value);
-  history.replaceState(null, '', `${location.pathname}?${query}`);
+  if (value === undefined) query.delete(name);
+  else query.set(name, value);
+  const text = query.toString();
+  history.replaceState(null, '', `${location.pathname}${text ? `?${text}` : ''}`);
 }
 
 interface LinkProps {

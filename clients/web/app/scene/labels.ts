@@ -2,8 +2,11 @@ import { Code, ConnectError } from '@connectrpc/connect';
 import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
 import { allPages, labels, lastId, newRequestId } from '../api/clients';
 import { steadily } from '../api/server_link';
+import type { Change } from '../history';
+import { History } from '../history';
 import { Store } from '../store';
 import { sceneIdFrom } from '../upload/scene_id';
+import { acceptedMask } from './accepted_mask';
 import type { Answer, Mask } from './answer';
 import type { Rgb } from './found_things';
 import { colorOf } from './found_things';
@@ -34,7 +37,10 @@ export class SceneLabels {
   readonly numViews = new Store<ReadonlyMap<string, number>>(new Map());
 
   /** The labels of a scene. `scene`: the scene's name. */
-  constructor(private readonly scene: string) {}
+  constructor(
+    private readonly scene: string,
+    readonly history = new History(),
+  ) {}
 
   async load(signal?: AbortSignal): Promise<void> {
     const all = await allPages(async (pageToken) => {
@@ -65,7 +71,36 @@ export class SceneLabels {
     this.numViews.set(new Map([...this.numViews.get(), [label, numViews]]));
   }
 
-  async create(text: string, { view, rle }: Mask): Promise<void> {
+  /** Makes a label of the mask; returns the change that this is, which is not in the history yet. */
+  async create(text: string, mask: Mask): Promise<Change> {
+    let made = await this.add(text, mask);
+    return {
+      name: `Name “${text}”`,
+      undo: () => this.delete(made),
+      redo: async () => {
+        made = await this.add(text, mask);
+      },
+    };
+  }
+
+  async remove(label: Label): Promise<void> {
+    const { signal } = new AbortController();
+    const mask = await acceptedMask(label.name, signal);
+    await this.delete(label.name);
+    if (!mask) return; // nothing to make it from again
+    const text = labelName(label);
+    let made = label.name;
+    this.history.add({
+      name: `Deletion of “${text}”`,
+      undo: async () => {
+        made = await this.add(text, mask);
+      },
+      redo: () => this.delete(made),
+    });
+  }
+
+  /** Returns the new label's name. */
+  private async add(text: string, { view, rle }: Mask): Promise<string> {
     const id = sceneIdFrom(text);
     for (let n = 1; ; ++n) {
       const request = {
@@ -75,18 +110,18 @@ export class SceneLabels {
         requestId: newRequestId(),
       };
       try {
-        await steadily(() => labels.createLabel(request));
-        break;
+        const { name } = await steadily(() => labels.createLabel(request));
+        await steadily(() => this.load());
+        return name;
       } catch (error) {
         // Another label has this id: different texts may give the same id.
         if (ConnectError.from(error).code !== Code.AlreadyExists || n === maxTries) throw error;
       }
     }
-    await steadily(() => this.load());
   }
 
-  async remove(label: Label): Promise<void> {
-    await steadily(() => labels.deleteLabel({ name: label.name }));
+  private async delete(name: string): Promise<void> {
+    await steadily(() => labels.deleteLabel({ name }));
     await steadily(() => this.load());
   }
 }

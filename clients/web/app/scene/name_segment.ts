@@ -12,11 +12,12 @@ export async function nameSegment(
   text: string,
   mask: Mask,
 ): Promise<void> {
-  session.clear();
+  const { history } = session;
+  const cleared = session.clear();
   try {
-    await labels.create(text, mask);
+    history.join(cleared, await labels.create(text, mask));
   } catch (error) {
-    if (!session.state.get().prompt) session.undo();
+    if (history.isNewest(cleared)) await history.undo();
     throw error;
   }
 }

@@ -92,6 +92,20 @@ export interface Granularity {
   readonly threshold?: number | undefined;
 }
 
+const names: Readonly<Record<Prompt['kind'], string>> = {
+  points: 'Click',
+  scribbles: 'Stroke',
+  box: 'Box',
+  mask: 'Mask',
+  label: 'Named thing',
+  found: 'Found thing',
+};
+
+/** Returns what a person did to make the prompt, for the history. */
+export function nameOf({ kind }: Prompt): string {
+  return names[kind];
+}
+
 export function samePlace(a: Place | undefined, b: Place | undefined): boolean {
   if (!a || !b) return false;
   if ('view' in a) return 'view' in b && a.view === b.view;

@@ -1,7 +1,10 @@
 // The tools of a prompt and of its mask; its size; scale, threshold and SAM.
 import type { JSX } from 'preact';
+import { FailureNote } from '../components/failure_note';
 import type { IconName } from '../components/icons';
 import { Icon } from '../components/icons';
+import { Slider } from '../components/slider';
+import type { History } from '../history';
 import { useStore } from '../store';
 import type { Brush } from './brush';
 import { maxBrush, minBrush, strokeWidth, withWidth } from './brush';
@@ -104,20 +107,32 @@ function BrushSides({ brush, onBrush }: Pick<BrushProps, 'brush' | 'onBrush'>): 
   );
 }
 
-/** Buttons next to the title: undo, clear. */
+/** Buttons next to the title: undo, redo, clear. */
 export function PromptButtons({ session }: { session: SceneSession }): JSX.Element {
-  const { prompt, canUndo } = useStore(session.state);
+  const { prompt } = useStore(session.state);
+  const { history } = session;
+  const { undo, redo, busy } = useStore(history.state);
   return (
     <>
       <button
         type="button"
         class="bare"
         aria-label="Undo"
-        title="Undo (Ctrl+Z)"
-        disabled={!canUndo}
-        onClick={() => session.undo()}
+        title={undo ? `Undo: ${undo} (Ctrl+Z)` : 'Undo (Ctrl+Z)'}
+        disabled={!undo || busy}
+        onClick={() => void history.undo()}
       >
         <Icon name="undo" />
+      </button>
+      <button
+        type="button"
+        class="bare"
+        aria-label="Redo"
+        title={redo ? `Redo: ${redo} (Ctrl+Shift+Z)` : 'Redo (Ctrl+Shift+Z)'}
+        disabled={!redo || busy}
+        onClick={() => void history.redo()}
+      >
+        <Icon name="redo" />
       </button>
       <button
         type="button"
@@ -133,41 +148,18 @@ export function PromptButtons({ session }: { session: SceneSession }): JSX.Eleme
   );
 }
 
-interface SliderProps {
-  id: string;
-  name: string;
-  /** What the value means. */
-  text: string;
-  ends?: readonly [string, string];
-  min: number;
-  max: number;
-  step: number;
-  value: number;
-  disabled?: boolean;
-  onInput: (value: number) => void;
-  /** Called when the slider is released. */
-  onChange?: () => void;
-}
-
-function Slider({ id, name, text, ends, onInput, ...input }: SliderProps): JSX.Element {
+/** Says that the server undoes something, and what went wrong then. */
+export function HistoryNote({ history }: { history: History }): JSX.Element {
+  const { busy, failure } = useStore(history.state);
   return (
-    <div class={`slider ${ends ? '' : 'line'}`}>
-      <label for={id}>{name}</label>
-      <output for={id}>{text}</output>
-      <input
-        id={id}
-        type="range"
-        aria-valuetext={text}
-        onInput={(event) => onInput(Number(event.currentTarget.value))}
-        {...input}
-      />
-      {ends && (
-        <span class="ends" aria-hidden="true">
-          <span>{ends[0]}</span>
-          <span>{ends[1]}</span>
-        </span>
+    <>
+      {busy && (
+        <p class="quiet late" role="status">
+          Undoing or redoing …
+        </p>
       )}
-    </div>
+      <FailureNote failure={failure} close={() => history.closeFailure()} />
+    </>
   );
 }
 

@@ -44,20 +44,7 @@ export function SelectionTools({ session, selections }: Props): JSX.Element {
   const ready = answer !== undefined && !busy;
   return (
     <section aria-labelledby="selection-title">
-      <div class="row">
-        <h2 id="selection-title">In 3D</h2>
-        <span class="spacer" />
-        <button
-          type="button"
-          class="bare"
-          disabled={busy || !selection}
-          aria-label="Undo the last change of the selection"
-          title="Undo the last change of the selection"
-          onClick={() => void selections.undo()}
-        >
-          <Icon name="undo" />
-        </button>
-      </div>
+      <h2 id="selection-title">In 3D</h2>
       <div class="row wrap">
         <button
           type="button"

@@ -9,6 +9,7 @@ import { newRequestId, selections } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf } from '../api/failure';
 import { steadily } from '../api/server_link';
+import { History, changeOf } from '../history';
 import { Store } from '../store';
 import type { Granularity, Prompt } from './prompt';
 import { granularityOf, promptOf } from './prompt';
@@ -22,6 +23,8 @@ export interface SelectionState {
   readonly busy: boolean;
   readonly failure: Failure | undefined;
 }
+
+type Shown = Pick<SelectionState, 'selection' | 'showing'>;
 
 export const operations = {
   select: SetOperation.REPLACE,
@@ -45,9 +48,18 @@ export class SceneSelections {
     failure: undefined,
   });
 
-  constructor(readonly model: string) {}
+  constructor(
+    readonly model: string,
+    private readonly history = new History(),
+  ) {}
 
-  async select(prompt: Prompt, granularity: Granularity, operation: SetOperation): Promise<void> {
+  /** Selects what the prompt means, and shows the selection: at first tinted, else as the one before. */
+  async select(
+    prompt: Prompt,
+    granularity: Granularity,
+    operation: SetOperation,
+    showing?: Showing,
+  ): Promise<void> {
     const base = this.state.get().selection?.name;
     const combined = operation !== SetOperation.REPLACE && base !== undefined;
     const request = {
@@ -57,41 +69,42 @@ export class SceneSelections {
       requestId: newRequestId(),
       ...(combined && { base, operation }),
     };
-    await this.take(() => selections.createSelection(request));
+    await this.take(() => selections.createSelection(request), showing);
   }
 
   /** Leaves what the prompt means out of the 3D view, too; what was hidden before stays hidden. */
   async hide(prompt: Prompt): Promise<void> {
     const isMore = this.state.get().showing === 'hidden';
-    await this.select(prompt, {}, isMore ? operations.add : operations.select);
-    if (!this.state.get().failure) this.show('hidden');
-  }
-
-  async undo(): Promise<void> {
-    const { selection } = this.state.get();
-    if (!selection) return;
-    if (selection.base) await this.take(() => selections.undoSelection({ name: selection.name }));
-    else this.clear();
-  }
-
-  clear(): void {
-    this.state.patch({ selection: undefined, showing: 'all', failure: undefined });
+    await this.select(prompt, {}, isMore ? operations.add : operations.select, 'hidden');
   }
 
   show(showing: Showing): void {
-    if (this.state.get().selection) this.state.patch({ showing });
+    const { selection, showing: before } = this.state.get();
+    if (selection && showing !== before) this.put('Display in 3D', { selection, showing });
+  }
+
+  clear(): void {
+    if (this.state.get().selection) this.put('Show all', { selection: undefined, showing: 'all' });
   }
 
   closeFailure(): void {
     this.state.patch({ failure: undefined });
   }
 
-  private async take(ask: () => Promise<Selection>): Promise<void> {
+  private put(name: string, shown: Shown): void {
+    const { selection, showing } = this.state.get();
+    this.state.patch(shown);
+    const put = (value: Shown) => this.state.patch({ ...value, failure: undefined });
+    this.history.add(changeOf(name, { selection, showing }, shown, put));
+  }
+
+  private async take(ask: () => Promise<Selection>, how?: Showing): Promise<void> {
     this.state.patch({ busy: true, failure: undefined });
     try {
       const selection = await steadily(ask);
       const { showing } = this.state.get();
-      this.state.patch({ selection, showing: showing === 'all' ? 'tinted' : showing });
+      const shown = how ?? (showing === 'all' ? 'tinted' : showing);
+      this.put(how === 'hidden' ? 'Hide' : 'Selection', { selection, showing: shown });
     } catch (error) {
       this.state.patch({ failure: failureOf(error) });
     } finally {

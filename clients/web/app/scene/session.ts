@@ -3,6 +3,8 @@
 import type { SegmentViewsResponse } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { failureOf, isCancelled } from '../api/failure';
 import { SegmentSocket } from '../api/segment_socket';
+import type { Change } from '../history';
+import { History } from '../history';
 import type { Rle } from '../mask/rle';
 import { extentOf } from '../mask/rle';
 import { Store } from '../store';
@@ -19,17 +21,19 @@ import type { Miss } from './miss';
 import { isMiss, missOf } from './miss';
 import { OtherViews } from './other_views';
 import type { Granularity, Place, Point, Prompt, Stroke } from './prompt';
-import { isEdited, isIn3d, ownViewOf, segmentRequest } from './prompt';
+import { isEdited, isIn3d, nameOf, ownViewOf, segmentRequest } from './prompt';
 import type { SamClicks } from './segment_views';
-import type { Before, Found, SessionState } from './session_state';
+import type { Asked, Before, Found, SessionState } from './session_state';
 import { SizeChoice } from './size_choice';
 import {
+  askedChange,
   beforeOf,
   isForSam,
   isOpen,
   nothingAnswered,
   nothingAsked,
   nothingFound,
+  sizeFor,
   usedGranularity,
 } from './session_state';
 
@@ -40,7 +44,8 @@ export class SceneSession {
   private readonly others: OtherViews;
   private readonly kept: KeptMasks;
   private readonly sizes: SizeChoice;
-  private readonly past: Pick<SessionState, 'prompt' | 'granularity'>[] = [];
+  /** The change that the newest prompt is. */
+  private posed: Change | undefined;
   private readonly socket = new SegmentSocket({
     answered: (sequence, answer) => this.take(sequence, answer),
     refused: (sequence, error) => this.refused(sequence, error),
@@ -57,6 +62,7 @@ export class SceneSession {
   constructor(
     readonly model: string,
     readonly views: readonly string[],
+    readonly history = new History(),
   ) {
     const common = {
       model,
@@ -69,7 +75,7 @@ export class SceneSession {
     this.sizes = new SizeChoice({
       ...common,
       find: (found) => (this.found = { ...this.found, ...found }),
-      remember: () => this.remember(),
+      remember: () => this.remember('Size'),
       outdate: () => this.outdate(),
       ask: (named) => this.ask(named),
     });
@@ -151,18 +157,12 @@ export class SceneSession {
     return this.kept.placeBorder();
   }
 
-  undo(): void {
-    const before = this.past.pop();
-    if (!before) return;
-    this.forgetAnswers();
-    this.state.patch({ ...before, canUndo: this.past.length > 0 });
-    if (before.prompt) this.send();
-  }
-
-  clear(): void {
-    if (this.state.get().prompt) this.remember();
+  /** Returns the change that this is; undefined: nothing was shown. */
+  clear(): Change | undefined {
+    const change = this.state.get().prompt && this.remember('Clear');
     this.forgetAnswers();
     this.state.patch({ prompt: undefined, granularity: {} });
+    return change;
   }
 
   closeFailure(): void {
@@ -180,10 +180,15 @@ export class SceneSession {
     this.state.patch({ failure: { ...failureOf(new Error(extended.what)), ...extended } });
   }
 
-  private remember(): void {
-    const { prompt, granularity } = this.state.get();
-    this.past.push({ prompt, granularity });
-    this.state.patch({ canUndo: true });
+  /** Adds what comes next to the history. */
+  private remember(name: string): Change {
+    return this.history.add(askedChange(name, this.state, (asked) => this.restore(asked)));
+  }
+
+  private restore(asked: Asked): void {
+    this.forgetAnswers();
+    this.state.patch(asked);
+    if (asked.prompt) this.send();
   }
 
   /** Puts masks in place of the model's until the prompt, scale or threshold changes. */
@@ -232,16 +237,10 @@ export class SceneSession {
     this.state.patch(nothingAnswered);
   }
 
-  /** Returns the size with which a prompt is asked: one that was chosen stays while marks are added. */
-  private sizeFor(prompt: Prompt, chosen: Granularity): Granularity {
-    const { prompt: asked, granularity } = this.state.get();
-    return isExtended(asked, prompt) ? granularity : chosen;
-  }
-
   /** Returns what a click would ask; undefined if it would be refused. */
   private intentOf(place: Place, point: Point): Intent | undefined {
     const prompt = withPoint(this.state.get().prompt, place, point);
-    return isRefusal(prompt) ? undefined : { prompt, granularity: this.sizeFor(prompt, {}) };
+    return isRefusal(prompt) ? undefined : { prompt, granularity: sizeFor(this.state.get(), prompt, {}) };
   }
 
   /**
@@ -249,9 +248,9 @@ export class SceneSession {
    * to it, if that is there.
    */
   pose(prompt: Prompt, chosen: Granularity = {}, preview?: Preview): void {
-    this.remember();
+    this.posed = this.remember(nameOf(prompt));
     const { prompt: asked, answer, ladder } = this.state.get();
-    const granularity = preview?.granularity ?? this.sizeFor(prompt, chosen);
+    const granularity = preview?.granularity ?? sizeFor(this.state.get(), prompt, chosen);
     const earlier = { state: beforeOf(this.state.get()), found: this.found };
     // If two prompts in a row get no answer, the state before both is the earlier one.
     const before = !asked || (answer && !this.before) ? earlier : this.before;
@@ -340,10 +339,10 @@ export class SceneSession {
   /** Takes back the newest prompt: the answer before it stays. */
   private goBack(miss: Miss): void {
     const before = this.before;
-    this.past.pop();
+    if (this.posed) this.history.drop(this.posed);
     this.forgetAnswers();
     if (before) this.found = before.found;
-    this.state.patch({ ...before?.state, miss, canUndo: this.past.length > 0 });
+    this.state.patch({ ...before?.state, miss });
     if (before?.state.prompt) this.others.ask();
   }
 }

@@ -1,6 +1,9 @@
 // The state of a session that the screen shows.
 import type { Failure } from '../api/failure';
+import type { Change } from '../history';
+import type { Store } from '../store';
 import type { Answer, Proposal } from './answer';
+import { isExtended } from './extend_prompt';
 import type { Ladder, Rung } from './ladder';
 import { noLadder } from './ladder';
 import type { Miss } from './miss';
@@ -24,7 +27,6 @@ export interface SessionState {
   readonly miss: Miss | undefined;
   /** Number of the stream's answers shown since the page was opened. */
   readonly numAnswers: number;
-  readonly canUndo: boolean;
 }
 
 export const nothingAnswered = {
@@ -43,7 +45,6 @@ export const nothingAsked: SessionState = {
   granularity: {},
   samClicks: 'off',
   numAnswers: 0,
-  canUndo: false,
 };
 
 /** What a prompt that hits nothing gives back. */
@@ -51,6 +52,11 @@ export type Before = Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'c
 
 export function beforeOf({ prompt, granularity, answer, current, ladder }: SessionState): Before {
   return { prompt, granularity, answer, current, ladder };
+}
+
+/** Returns the size with which a prompt is asked: one that was chosen stays while marks are added. */
+export function sizeFor(state: Asked, prompt: Prompt, chosen: Granularity): Granularity {
+  return isExtended(state.prompt, prompt) ? state.granularity : chosen;
 }
 
 /** Returns the scale and threshold that are set, else those of the answer. */
@@ -74,6 +80,31 @@ export function granularityElsewhere(
   const { prompt, granularity } = state;
   const isClicked = prompt?.kind === 'points' && isOpen(granularity);
   return isClicked || isForSam(state) ? {} : usedGranularity(state);
+}
+
+/** What undo gives back: all else follows from it. */
+export type Asked = Pick<SessionState, 'prompt' | 'granularity'>;
+
+/** Returns the change from what is asked now to what will be asked when it is undone. */
+export function askedChange(
+  name: string,
+  state: Store<SessionState>,
+  restore: (asked: Asked) => void,
+): Change {
+  const askedNow = () => {
+    const { prompt, granularity } = state.get();
+    return { prompt, granularity };
+  };
+  const before = askedNow();
+  let after = before;
+  return {
+    name,
+    undo: () => {
+      after = askedNow();
+      restore(before);
+    },
+    redo: () => restore(after),
+  };
 }
 
 /** What the answer is made of, and what the size slider goes along. */

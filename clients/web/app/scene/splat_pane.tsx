@@ -1,10 +1,19 @@
 // The 3D view of a scene: dragging turns it, a click segments, a double click sets what it turns about.
 import type { JSX } from 'preact';
-import { useEffect, useRef, useState } from 'preact/hooks';
+import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { Icon } from '../components/icons';
 import { MissNote } from '../components/miss_note';
+import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import { unseenOf } from '../gaussians/gaussian_edits';
+import { OutlineMark, PickBar } from '../gaussians/pick_bar';
+import type { Picking } from '../gaussians/use_picking';
+import { useCropping } from '../gaussians/use_cropping';
+import { usePicking } from '../gaussians/use_picking';
 import { paintMask } from '../mask/paint';
+import { queryValue, setQueryValue } from '../router';
+import { useStore } from '../store';
+import { placeText, readPlace } from '../viewer/camera_text';
 import type { SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Miss } from './miss';
@@ -13,6 +22,8 @@ import type { Showing } from './selections';
 import { useShortcuts } from './shortcuts';
 import type { TintedThings } from './splat_parts';
 import { splatParts } from './splat_parts';
+import type { Cameras } from './use_cameras';
+import { CameraNote, useCameras } from './use_cameras';
 import type { Tool } from './use_drawing';
 
 interface Props {
@@ -29,11 +40,19 @@ interface Props {
   showing: Showing;
   /** Named things in their colours, while no selection is shown. */
   things: TintedThings | undefined;
+  edits: GaussianEdits;
+  picking: Picking;
+  onPicking: (picking: Picking) => void;
+  cameras: Cameras;
   onPoint: (camera: FreeCamera, point: Point) => void;
   /** Takes back the prompt of the last click, which was the first one of a double click. */
   onTakeBack: () => void;
 }
 
+/** Name of the camera's place in the URL's query. */
+const placeName = 'at';
+/** How long the camera rests before its place is in the URL, milliseconds. */
+const restTime = 300;
 /** Maximum time between the clicks of a double click, milliseconds. */
 const doubleTime = 350;
 /** Maximum distance between the clicks of a double click, pixels of the screen. */
@@ -50,14 +69,37 @@ const turns: Record<string, readonly [number, number, number]> = {
 
 type Status = 'loading' | 'ready' | { error: string };
 
-function useViewer({ model, views, view, selection, showing, things }: Props, onMoved: () => void) {
+const turnLabel =
+  '3D view. Arrow keys turn it, plus and minus come closer and go away, Enter segments what is in its middle.';
+const pickLabel =
+  '3D view. Arrow keys turn it, plus and minus come closer and go away, Enter picks the Gaussians in its middle; with Shift it adds them, with Alt it takes them away.';
+
+/** Returns how the Gaussians are drawn; undefined: as they are. */
+function useMarks(edits: GaussianEdits) {
+  const { gaussians, edits: edited } = useStore(edits.state);
+  return useMemo(() => {
+    if (!gaussians) return undefined;
+    return { centers: gaussians.centers, picked: edited.picked, hidden: unseenOf(edited, gaussians) };
+  }, [gaussians, edited]);
+}
+
+function useViewer(props: Props, onMoved: () => void) {
+  const { model, views, view, selection, showing, things, edits, picking } = props;
   const canvas = useRef<HTMLCanvasElement>(null);
   const viewer = useRef<SplatViewer | undefined>(undefined);
   const [status, setStatus] = useState<Status>('loading');
   const [made, setMade] = useState(0);
   const [shown, setShown] = useState<Showing>();
+  const resting = useRef(0);
   const moved = useRef(onMoved);
-  moved.current = onMoved;
+  moved.current = () => {
+    onMoved();
+    clearTimeout(resting.current);
+    resting.current = window.setTimeout(() => {
+      const place = viewer.current?.place();
+      setQueryValue(placeName, place && placeText(place));
+    }, restTime);
+  };
   useEffect(() => {
     let gone = false;
     // three.js and Spark are most of the app's bytes: they are loaded when they are needed.
@@ -77,6 +119,7 @@ function useViewer({ model, views, view, selection, showing, things }: Props, on
     );
     return () => {
       gone = true;
+      clearTimeout(resting.current);
       viewer.current?.end();
       viewer.current = undefined;
     };
@@ -101,19 +144,36 @@ function useViewer({ model, views, view, selection, showing, things }: Props, on
     };
   }, [made, model, selection, showing, things]);
   useEffect(() => viewer.current?.goTo(view), [made, view]);
-  return { canvas, viewer, status, shown };
+  // After the view's camera: the place that the address says.
+  useEffect(() => {
+    const place = readPlace(queryValue(placeName));
+    if (place) viewer.current?.putAt(place);
+  }, [made]);
+  const marks = useMarks(edits);
+  useEffect(() => viewer.current?.mark(marks), [made, marks]);
+  const { crop } = useStore(edits.state).edits;
+  useEffect(() => viewer.current?.showCrop(crop), [made, crop]);
+  useEffect(() => viewer.current?.letTurn(picking.drag === 'turn'), [made, picking.drag]);
+  return { canvas, viewer, status, shown, made };
 }
 
 export function SplatPane(props: Props): JSX.Element {
-  const { view, mask, prompt, miss, tool, onPoint, onTakeBack } = props;
+  const { view, views, mask, prompt, miss, tool, edits, picking, onPicking, onPoint, onTakeBack } = props;
   const overlay = useRef<HTMLCanvasElement>(null);
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
   const clicked = useRef<{ x: number; y: number; time: number } | undefined>(undefined);
   const [stale, setStale] = useState(false);
-  const { canvas, viewer, status, shown } = useViewer(props, () => {
+  const { canvas, viewer, status, shown, made: numMade } = useViewer(props, () => {
     asked.current = undefined;
     setStale(true);
+  });
+  const cameras = useCameras(props.cameras, views, viewer, numMade);
+  const drawn = usePicking(picking, edits, viewer);
+  const { numPicked, numHidden, edits: edited } = useStore(edits.state);
+  const cropping = useCropping(edited.crop, viewer, picking.drag === 'turn', {
+    onCrop: (crop) => edits.cropTo(crop),
+    onRest: () => edits.restCrop(),
   });
   const points = prompt?.kind === 'points' && 'camera' in prompt.place ? prompt.points : [];
   const camera =
@@ -137,10 +197,15 @@ export function SplatPane(props: Props): JSX.Element {
     setStale(false);
     onPoint(at, { x: x * at.width, y: y * at.height, negative: negative || tool === 'exclude' });
   };
-  const press = ({ button, clientX: x, clientY: y }: PointerEvent) => {
+  const press = (event: PointerEvent) => {
+    if (cropping.press(event)) return;
+    const { button, clientX: x, clientY: y } = event;
     pressed.current = button === 0 ? { x, y } : undefined;
+    drawn.press(event);
   };
   const release = (event: PointerEvent) => {
+    if (cropping.release()) return;
+    if (drawn.draws) return drawn.release();
     const from = pressed.current;
     pressed.current = undefined;
     if (!from || Math.hypot(event.clientX - from.x, event.clientY - from.y) > 4) return;
@@ -152,6 +217,7 @@ export function SplatPane(props: Props): JSX.Element {
       event.timeStamp - first.time < doubleTime &&
       Math.hypot(from.x - first.x, from.y - first.y) < doubleSlack;
     clicked.current = isDouble ? undefined : { ...from, time: event.timeStamp };
+    if (cameras.under) return props.cameras.onView(cameras.under.view);
     if (!isDouble) return ask(x, y, event.shiftKey);
     onTakeBack();
     viewer.current?.pivotAt(x, y);
@@ -162,6 +228,7 @@ export function SplatPane(props: Props): JSX.Element {
   const key = (event: KeyboardEvent) => {
     const turn = turns[event.key];
     if (turn) viewer.current?.turn(...turn);
+    else if (event.key === 'Enter' && drawn.draws) drawn.pickMiddle(event);
     else if (event.key === 'Enter') ask(0.5, 0.5, event.shiftKey);
     else return;
     event.preventDefault();
@@ -172,15 +239,25 @@ export function SplatPane(props: Props): JSX.Element {
       class="splats"
       data-status={typeof status === 'string' ? status : 'error'}
       data-shown={shown}
+      data-picked={numPicked}
+      data-hidden={numHidden}
+      data-crop={edited.crop && [...edited.crop.min, ...edited.crop.max].join(' ')}
       data-things={status === 'ready' ? (props.things?.parts.length ?? 0) : undefined}
     >
       <canvas
         ref={canvas}
-        class="splats-canvas"
+        class={`splats-canvas ${drawn.draws ? 'picking' : ''}`}
         tabIndex={0}
         role="application"
-        aria-label="3D view. Arrow keys turn it, plus and minus come closer and go away, Enter segments what is in its middle."
+        aria-label={drawn.draws ? pickLabel : turnLabel}
         onPointerDown={press}
+        onPointerMove={(event) => {
+          const isDragged = cropping.move(event);
+          if (!isDragged) drawn.move(event);
+          cameras.move(event, !isDragged && !drawn.draws);
+        }}
+        onPointerLeave={cameras.leave}
+        onPointerCancel={() => cropping.release() || drawn.drop()}
         onPointerUp={release}
         onKeyDown={key}
       />
@@ -201,7 +278,20 @@ export function SplatPane(props: Props): JSX.Element {
       {miss && 'camera' in miss.place && isShown(miss.place.camera) && (
         <MissNote x={miss.x / miss.place.camera.width} y={miss.y / miss.place.camera.height} />
       )}
+      {drawn.outline.length > 1 && <OutlineMark outline={drawn.outline} />}
+      {cameras.under && (
+        <CameraNote under={cameras.under} photo={props.cameras.photoOf(cameras.under.view)} />
+      )}
+      <PickBar edits={edits} picking={picking} onPicking={onPicking} />
       <div class="pane-buttons right">
+        <button
+          type="button"
+          title="The photographs’ cameras, on or off (M)"
+          aria-pressed={props.cameras.areShown}
+          onClick={() => props.cameras.onShow(!props.cameras.areShown)}
+        >
+          Cameras
+        </button>
         <button type="button" title="All of the scene (H)" onClick={home}>
           <Icon name="home" /> Home
         </button>

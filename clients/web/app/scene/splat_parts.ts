@@ -1,6 +1,7 @@
 // The files of Gaussians that the 3D view draws, and their colours.
 import { plyUrl } from '../api/clients';
 import type { SplatPart } from '../viewer/splat_viewer';
+import { selectionTint } from '../viewer/tint';
 import type { Rgb } from './found_things';
 import type { Showing } from './selections';
 
@@ -10,8 +11,6 @@ export interface TintedThings {
   /** Without a colour a thing is drawn as it is. */
   readonly parts: readonly { readonly selection: string; readonly color: Rgb | undefined }[];
 }
-
-const selectionTint = [0.25, 1.35, 1.2] as const;
 
 /** Returns the factors that give Gaussians a colour, but leave light and dark. */
 function tintOf(color: Rgb): readonly [number, number, number] {

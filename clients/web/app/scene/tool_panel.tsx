@@ -2,6 +2,8 @@
 import type { JSX } from 'preact';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { FailureNote } from '../components/failure_note';
+import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import { GaussianTools } from '../gaussians/gaussian_tools';
 import { useStore } from '../store';
 import { AfterTraining } from './after_training';
 import type { Brush } from './brush';
@@ -17,7 +19,7 @@ import type { SceneLabels } from './labels';
 import { PieceTools } from './mask_tools';
 import { sizeOf } from './prompt';
 import type { SegmentNames } from './segment_names';
-import { GranularityTools, PromptButtons, PromptTools } from './segment_tools';
+import { GranularityTools, HistoryNote, PromptButtons, PromptTools } from './segment_tools';
 import { SelectionTools } from './selection_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
@@ -36,6 +38,7 @@ interface Props {
   segmentNames: SegmentNames;
   things: ThingMasks;
   thingsIn3d: ThingsIn3d;
+  edits: GaussianEdits;
   views: readonly View[];
   /** The shown view. */
   view: View;
@@ -79,6 +82,7 @@ function SegmentSection(props: SegmentProps): JSX.Element {
           : `Click a thing in the view${isTraining ? '' : ' or in 3D'}.`}
       </p>
       <FailureNote failure={failure} close={() => session.closeFailure()} />
+      <HistoryNote history={session.history} />
       <GranularityTools session={session} hasSam={hasSam} />
       <PieceTools session={session} view={view.view} />
       <HoverSwitch session={session} />
@@ -102,6 +106,7 @@ export function ToolPanel(props: Props): JSX.Element {
             <FindTools {...props} />
             <LabelTools {...props} shownView={view.view} />
             <SelectionTools session={session} selections={selections} />
+            <GaussianTools {...props} />
             <DownloadTools {...props} />
           </>
         )}

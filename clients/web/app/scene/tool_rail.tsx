@@ -2,12 +2,14 @@
 import type { JSX } from 'preact';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
+import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import { waitText } from '../gaussians/gaussian_tools';
 import { useStore } from '../store';
 import { describeAnswer } from './describe_answer';
 import type { SceneEverything } from './everything';
 import type { SceneFinder } from './finder';
 import { describeFound } from './found_things';
-import { PromptButtons, promptTools } from './segment_tools';
+import { HistoryNote, PromptButtons, promptTools } from './segment_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
 import type { ThingsIn3d } from './things_in_3d';
@@ -86,18 +88,20 @@ interface StatusProps {
   selections: SceneSelections;
   everything: SceneEverything;
   thingsIn3d: ThingsIn3d;
+  edits: GaussianEdits;
   /** Name of the shown view. */
   shown: string;
 }
 
 /** States and failures of all sections, over the panes while the panel is folded. */
 export function FoldedStatus(props: StatusProps): JSX.Element {
-  const { session, finder, selections, everything, thingsIn3d, shown } = props;
+  const { session, finder, selections, everything, thingsIn3d, edits, shown } = props;
   const state = useStore(session.state);
   const finding = useStore(finder.state);
   const selecting = useStore(selections.state);
   const colouring = useStore(thingsIn3d.state);
   const splitting = useStore(everything.state);
+  const picking = useStore(edits.state);
   const texts = [
     state.prompt && describeAnswer(state, shown, session.views),
     finding.busy && 'Looking through the scene …',
@@ -105,13 +109,16 @@ export function FoldedStatus(props: StatusProps): JSX.Element {
     waitTexts[splitting.waits],
     colouring.busy && 'Selecting the things …',
     selecting.busy && 'Selecting: looking at the views …',
+    waitText(picking),
   ].filter(Boolean);
   return (
     <div class="folded-status">
       <FailureNote failure={state.failure} close={() => session.closeFailure()} />
+      <HistoryNote history={session.history} />
       <FailureNote failure={finding.failure} close={() => finder.clear()} />
       <FailureNote failure={selecting.failure} close={() => selections.closeFailure()} />
       <FailureNote failure={splitting.failure} close={() => everything.closeFailure()} />
+      <FailureNote failure={picking.failure} close={() => edits.closeFailure()} />
       <p role="status" class={texts.length > 0 ? 'pane-note' : ''}>
         {texts.join(' ')}
       </p>

@@ -8,7 +8,9 @@ import { drawingWidth } from './marks';
 import type { Size } from './photo_frame';
 import type { Box, Point, Stroke } from './prompt';
 
-export type Tool = 'include' | 'exclude' | 'box' | 'brush' | 'lasso' | 'paint' | 'erase';
+export const tools = ['include', 'exclude', 'box', 'brush', 'lasso', 'paint', 'erase'] as const;
+
+export type Tool = (typeof tools)[number];
 
 /** Returns whether the tool draws as wide as the brush is. */
 export function isWide(tool: Tool): boolean {

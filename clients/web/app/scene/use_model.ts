@@ -2,6 +2,8 @@
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { steadily } from '../api/server_link';
+import { GaussianEdits } from '../gaussians/gaussian_edits';
+import { History } from '../history';
 import { useStore } from '../store';
 import { SceneEverything } from './everything';
 import { SceneFinder } from './finder';
@@ -18,12 +20,15 @@ import { ThingsIn3d } from './things_in_3d';
 
 export function useModel({ scene, model }: Subject, views: readonly View[]) {
   const parts = useMemo(() => {
-    const selections = new SceneSelections(model);
-    const labels = new SceneLabels(scene);
+    const history = new History();
+    const selections = new SceneSelections(model, history);
+    const labels = new SceneLabels(scene, history);
     return {
+      history,
       session: new SceneSession(
         model,
         views.map(({ view }) => view),
+        history,
       ),
       selections,
       labels,
@@ -31,6 +36,7 @@ export function useModel({ scene, model }: Subject, views: readonly View[]) {
       thingsIn3d: new ThingsIn3d(model, labels),
       finder: new SceneFinder(model),
       everything: new SceneEverything(model, selections),
+      edits: new GaussianEdits(model, history),
     };
   }, [model, views]);
   useEffect(() => {
@@ -45,6 +51,7 @@ export function useModel({ scene, model }: Subject, views: readonly View[]) {
       parts.everything.turn(false);
       parts.things.end();
       parts.thingsIn3d.turn(false);
+      parts.edits.end();
     };
   }, [parts]);
   return parts;

@@ -4,6 +4,8 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
 import { useAsked } from '../api/use_asked';
+import type { DragTool, Picking } from '../gaussians/use_picking';
+import { dragTools } from '../gaussians/use_picking';
 import { useStore } from '../store';
 import { useNarrow } from '../use_narrow';
 import { firstBrush, withWidth } from './brush';
@@ -12,6 +14,7 @@ import { findAlike } from './find_tools';
 import { labelColor } from './labels';
 import type { Layout } from './layout';
 import { panesOn } from './layout';
+import { useLinkedText, useLinkedWord } from './link_state';
 import { drawWith } from './mask_tools';
 import type { Source } from './photo_view';
 import { PhotoView } from './photo_view';
@@ -27,8 +30,7 @@ import type { Subject } from './subject';
 import { isJob } from './subject';
 import { ToolPanel } from './tool_panel';
 import { FoldedStatus } from './tool_rail';
-import type { Tool } from './use_drawing';
-import { isWide } from './use_drawing';
+import { isWide, tools } from './use_drawing';
 import { useFound, useKeptPrompt, useModel, useThings, useTintedThings } from './use_model';
 
 interface Props {
@@ -47,13 +49,21 @@ function useOnce(holds: boolean): boolean {
 export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
   const isTraining = isJob(subject.model);
   const model = useModel(subject, views);
-  const { session, selections, labels, finder, everything, things, thingsIn3d } = model;
-  const [viewName, setViewName] = useState('');
+  const { session, selections, labels, finder, everything, things, thingsIn3d, edits, history } = model;
+  const [viewName, setViewName] = useLinkedText('view');
   const view = views.find((other) => other.view === viewName) ?? views[0];
   const setView = (to: View) => setViewName(to.view);
-  const [tool, setTool] = useState<Tool>('include');
+  const [tool, setTool] = useLinkedWord('tool', tools);
   const [brush, setBrush] = useState(firstBrush);
   const [source, setSource] = useState<Source>('photo');
+  const [drag, setDrag] = useLinkedWord('drag', dragTools);
+  const [frontOnly, setFrontOnly] = useState(false);
+  const picking = { drag, frontOnly };
+  const setPicking = (next: Picking) => {
+    setDrag(next.drag);
+    setFrontOnly(next.frontOnly);
+  };
+  const [cameras, setCameras] = useLinkedWord('cameras', ['off', 'on']);
   const [help, setHelp] = useState(false);
   /** The prompt of the last click in 3D. */
   const promptIn3d = useRef<Prompt | undefined>(undefined);
@@ -114,7 +124,12 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
   const takeBackIn3d = () => {
     const { prompt: now } = session.state.get();
     // A click that hit nothing took itself back.
-    if (now && now === promptIn3d.current) session.undo();
+    if (now && now === promptIn3d.current) void history.undo();
+  };
+  /** Chooses what a drag in 3D does, which is shown; a second time it turns the view again. */
+  const dragIn3d = (drag: DragTool) => {
+    if (panes === 'photo') layout.show(narrow ? '3d' : 'both');
+    setPicking({ ...picking, drag: picking.drag === drag ? 'turn' : drag });
   };
   const otherSide = () => {
     if (tool === 'brush') setBrush({ ...brush, negative: !brush.negative });
@@ -144,12 +159,20 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     t: () => selections.show('tinted'),
     o: () => selections.show('isolated'),
     w: () => selections.show('hidden'),
+    R: () => dragIn3d('box'),
+    F: () => dragIn3d('lasso'),
+    c: () => void edits.turnCrop(edits.state.get().edits.crop === undefined),
+    m: () => setCameras(cameras === 'on' ? 'off' : 'on'),
+    Delete: () => edits.hidePicked(),
   };
   useShortcuts({
     ...(!isTraining && ofModels),
     '?': () => setHelp(true),
-    'Ctrl+z': () => session.undo(),
+    'Ctrl+z': () => void history.undo(),
+    'Ctrl+Z': () => void history.redo(),
+    'Ctrl+y': () => void history.redo(),
     Escape: () => {
+      if (picking.drag !== 'turn') return setPicking({ ...picking, drag: 'turn' });
       if (!session.state.get().prompt) everything.turn(false);
       session.clear();
     },
@@ -224,6 +247,15 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
                 selection={selection?.name}
                 showing={showing}
                 things={tintedThings}
+                edits={edits}
+                picking={picking}
+                onPicking={setPicking}
+                cameras={{
+                  areShown: cameras === 'on',
+                  onShow: (areShown) => setCameras(areShown ? 'on' : 'off'),
+                  onView: setView,
+                  photoOf: thumbnailOf,
+                }}
                 onPoint={addPointIn3d}
                 onTakeBack={takeBackIn3d}
               />

@@ -3,6 +3,7 @@ import type { ComponentChildren, JSX } from 'preact';
 import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
 import { bytesText, deviceText } from '../format';
 import { stageName } from './job_states';
+import { useWait, waitText } from './queue_wait';
 import { jobTimeLeft, stageText, stepText } from './time_left';
 import type { Training } from './training_watch';
 
@@ -14,11 +15,12 @@ interface Props {
 /** `children`: what can be done now. Nothing after the end. */
 export function TrainingNow({ training, children }: Props): JSX.Element | null {
   const { job, progress } = training;
+  const wait = useWait(job);
   if (job?.state === JobState.QUEUED) {
     return (
       <div class="card now">
         <p class="time-left" role="status">
-          Waiting for other trainings to end
+          {waitText(wait, Date.now() / 1000)}
         </p>
       </div>
     );

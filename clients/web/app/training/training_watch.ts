@@ -146,7 +146,7 @@ export function after(training: Training, { sequence, time, event }: JobEvent): 
     }
     case 'stateChanged': {
       const { state, error, model } = event.value;
-      return { ...known, job: job && { ...job, state, model, ...(error && { error }) } };
+      return { ...known, job: job && { ...job, state, model, wait: undefined, ...(error && { error }) } };
     }
     default:
       return known;

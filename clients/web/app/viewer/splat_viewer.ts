@@ -1,53 +1,46 @@
 // The 3D view: the exported PLY, drawn by Spark on three.js.
-import { SparkRenderer, SplatFileType, SplatMesh } from '@sparkjsdev/spark';
+import { SparkRenderer } from '@sparkjsdev/spark';
+import type { Ray } from 'three';
 import {
-  Color,
+  MOUSE,
+  Matrix4,
   PerspectiveCamera,
   Raycaster,
   Scene,
+  TOUCH,
   Vector2,
   Vector3,
   WebGLRenderer,
 } from 'three';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import type { CropBox } from '../gaussians/crop_box';
+import type { GaussianSet } from '../gaussians/gaussian_set';
+import type { Sight } from '../gaussians/pick';
 import type { FreeCamera } from '../scene/prompt';
 import type { Lens, Pose } from './camera';
 import { fieldOfView, focusOf, freeCameraOf, lensOf, poseOf, upOf } from './camera';
+import type { CameraPlace } from './camera_text';
+import { CropHandles } from './crop_handles';
+import { Frustums } from './frustums';
+import type { Marks } from './marked_splats';
+import { MarkedSplats, fetchPly, sampledCenters } from './marked_splats';
 import type { Reach, Sphere } from './reach';
 import { keepWithin, reachOf, sphereOf } from './reach';
+import type { Tint } from './tint';
 
 export interface SplatPart {
   readonly url: string;
   /** Factors of red, green and blue; absent: the model's colours. */
-  readonly tint?: readonly [number, number, number] | undefined;
+  readonly tint?: Tint | undefined;
 }
 
 /** Maximum height of the pictures that are segmented, pixels; smaller screens use their own. */
 const maxPictureHeight = 720;
-/** Maximum number of Gaussians by which the scene's size is estimated. */
-const maxSampled = 20_000;
 /** What is seen of the whole scene: about 50 degrees. */
 const homeLens: Lens = { across: 0.47, up: 0.47 };
-
-/** Returns the centres of some Gaussians, evenly spread over their order. */
-function sampledCenters(meshes: readonly SplatMesh[]): Vector3[] {
-  const all = meshes.flatMap(({ packedSplats, extSplats }) => packedSplats ?? extSplats ?? []);
-  const total = all.reduce((sum, { numSplats }) => sum + numSplats, 0);
-  const step = Math.max(1, Math.ceil(total / maxSampled));
-  return all.flatMap((splats) =>
-    Array.from({ length: Math.floor(splats.numSplats / step) }, (_, i) =>
-      splats.getSplat(i * step).center.clone(),
-    ),
-  );
-}
-
-async function fetchPly(url: string, signal: AbortSignal): Promise<ArrayBuffer> {
-  const response = await fetch(url, { signal });
-  if (response.ok) return response.arrayBuffer();
-  const body = (await response.json().catch(() => undefined)) as { message?: string } | undefined;
-  throw new Error(body?.message ?? `the model's PLY: HTTP ${response.status}`);
-}
+/** Height of the photographs' cameras, in radii of the scene. */
+const cameraShare = 0.12;
 
 export class SplatViewer {
   private readonly renderer: WebGLRenderer;
@@ -56,7 +49,12 @@ export class SplatViewer {
   private readonly spark: SparkRenderer;
   private readonly controls: OrbitControls;
   private readonly sizes: ResizeObserver;
-  private meshes: SplatMesh[] = [];
+  private parts: MarkedSplats[] = [];
+  private marks: Marks | undefined;
+  readonly crop = new CropHandles();
+  private readonly frustums: Frustums;
+  /** Whether the camera is that of the newest view, as it was put there. */
+  private isAtView = false;
   private loading = new AbortController();
   private drawing = 0;
   private lens: Lens = { across: 0.5, up: 0.5 };
@@ -78,7 +76,8 @@ export class SplatViewer {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 1.5));
     this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.draw() });
-    this.scene.add(this.spark);
+    this.frustums = new Frustums(views);
+    this.scene.add(this.spark, this.crop, this.frustums);
     const poses = views.flatMap((view) => poseOf(view) ?? []);
     this.camera.up.copy(upOf(poses)); // the controls keep what it is when they are made
     this.controls = new OrbitControls(this.camera, canvas);
@@ -97,30 +96,57 @@ export class SplatViewer {
     this.loading.abort();
     this.loading = new AbortController();
     const { signal } = this.loading;
-    const meshes = await Promise.all(
-      parts.map(async ({ url, tint }) => {
-        const fileBytes = await fetchPly(url, signal);
-        const mesh = new SplatMesh({ fileBytes, fileType: SplatFileType.PLY });
-        await mesh.initialized;
-        if (tint) mesh.recolor = new Color(...tint);
-        return mesh;
-      }),
+    const loaded = await Promise.all(
+      parts.map(async ({ url, tint }) => MarkedSplats.of(await fetchPly(url, signal), tint)),
     );
     if (signal.aborted) {
-      for (const mesh of meshes) mesh.dispose();
+      for (const part of loaded) part.dispose();
       return;
     }
-    for (const old of this.meshes) {
-      this.scene.remove(old);
+    for (const old of this.parts) {
+      this.scene.remove(old.mesh);
       old.dispose();
     }
-    this.meshes = meshes;
-    for (const mesh of meshes) this.scene.add(mesh);
-    const sphere = sphereOf(sampledCenters(meshes));
+    this.parts = loaded;
+    for (const { mesh } of loaded) this.scene.add(mesh);
+    this.mark(this.marks);
+    const sphere = sphereOf(sampledCenters(loaded));
     // A selection may be loaded first: the scene is the largest of what was loaded.
     if (sphere && sphere.radius > (this.sphere?.radius ?? 0)) this.sphere = sphere;
+    this.frustums.fit(cameraShare * (this.sphere?.radius ?? 0));
     this.putReach();
     this.draw();
+  }
+
+  /** Draws Gaussians as picked, or not at all; undefined: all as they are. */
+  mark(marks: Marks | undefined): void {
+    this.marks = marks;
+    if (marks) for (const part of this.parts) part.mark(marks);
+    this.draw();
+  }
+
+  /** Returns the model's Gaussians that are drawn; nothing before the first marks. */
+  drawn(): GaussianSet {
+    const set = new Uint8Array(this.marks?.hidden.length ?? 0);
+    if (!this.marks) return set;
+    for (const part of this.parts) part.addTo(set, this.marks);
+    const { hidden } = this.marks;
+    return set.map((isIn, i) => (hidden[i] ? 0 : isIn));
+  }
+
+  /** Returns how Gaussians come onto the screen now. */
+  sight(): Sight {
+    this.camera.updateMatrixWorld();
+    const { projectionMatrix, matrixWorldInverse } = this.camera;
+    const matrix = new Matrix4().multiplyMatrices(projectionMatrix, matrixWorldInverse);
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return { matrix: matrix.elements, width, height };
+  }
+
+  /** Lets a drag turn the view, or leaves it to who draws over it. The other buttons and two fingers move the view. */
+  letTurn(turns: boolean): void {
+    this.controls.mouseButtons.LEFT = turns ? MOUSE.ROTATE : null;
+    this.controls.touches.ONE = turns ? TOUCH.ROTATE : null;
   }
 
   goTo(view: View): void {
@@ -135,6 +161,37 @@ export class SplatViewer {
       .addScaledVector(ahead, toTarget > 0.05 ? toTarget : distance);
     this.lens = lensOf(view);
     this.jump();
+    this.isAtView = true;
+  }
+
+  /** Returns where the camera is; undefined if it is that of the newest view. */
+  place(): CameraPlace | undefined {
+    if (this.isAtView) return undefined;
+    const [position, target] = [this.camera.position.toArray(), this.controls.target.toArray()];
+    return { position, target, lens: this.lens };
+  }
+
+  putAt({ position, target, lens }: CameraPlace): void {
+    this.camera.position.set(...position);
+    this.controls.target.set(...target);
+    this.lens = lens;
+    this.jump();
+  }
+
+  showCameras(areShown: boolean): void {
+    this.frustums.visible = areShown;
+    this.draw();
+  }
+
+  /** Returns the view whose camera is at a position, given as shares of width and height. */
+  viewAt(x: number, y: number): string | undefined {
+    const { clientWidth, clientHeight } = this.canvas;
+    return this.frustums.viewAt({ x, y }, this.camera, clientWidth, clientHeight);
+  }
+
+  emphasise(view: string): void {
+    this.frustums.emphasise(view);
+    this.draw();
   }
 
   /** Shows all of the scene, from the side of the views; nothing until a model is loaded. */
@@ -152,12 +209,24 @@ export class SplatViewer {
 
   /** Turns about what is at a position, given as shares of width and height, from now on. */
   pivotAt(x: number, y: number): void {
-    const ray = new Raycaster();
-    ray.setFromCamera(new Vector2(2 * x - 1, 1 - 2 * y), this.camera);
-    const [hit] = ray.intersectObjects(this.meshes, false);
+    const [hit] = this.rayCaster(x, y).intersectObjects(
+      this.parts.map(({ mesh }) => mesh),
+      false,
+    );
     if (!hit) return;
     this.controls.target.copy(hit.point);
     this.jump();
+  }
+
+  /** Returns the line of sight through a position, given as shares of width and height. */
+  rayAt(x: number, y: number): Ray {
+    return this.rayCaster(x, y).ray;
+  }
+
+  /** Shows the crop box with its handles, or none. */
+  showCrop(box: CropBox | undefined): void {
+    this.crop.put(box);
+    this.draw();
   }
 
   /** Turns by angles, radians, about the target; `closer` multiplies the distance. */
@@ -186,8 +255,16 @@ export class SplatViewer {
     cancelAnimationFrame(this.drawing);
     this.sizes.disconnect();
     this.controls.dispose();
-    for (const mesh of this.meshes) mesh.dispose();
+    this.crop.dispose();
+    this.frustums.dispose();
+    for (const part of this.parts) part.dispose();
     this.renderer.dispose();
+  }
+
+  private rayCaster(x: number, y: number): Raycaster {
+    const caster = new Raycaster();
+    caster.setFromCamera(new Vector2(2 * x - 1, 1 - 2 * y), this.camera);
+    return caster;
   }
 
   private lookAt(poses: readonly Pose[]): void {
@@ -220,6 +297,7 @@ export class SplatViewer {
   }
 
   private changed(): void {
+    this.isAtView = false;
     const { target } = this.controls;
     if (this.reach && keepWithin(this.reach, this.camera.position, target)) {
       this.camera.lookAt(target);
@@ -234,7 +312,9 @@ export class SplatViewer {
     this.camera.aspect = clientWidth / clientHeight;
     this.fit();
     this.renderer.setSize(clientWidth, clientHeight, false);
+    const { isAtView } = this;
     this.changed();
+    this.isAtView = isAtView;
   }
 
   /**
@@ -245,6 +325,7 @@ export class SplatViewer {
     if (this.drawing || this.canvas.clientWidth === 0) return;
     this.drawing = requestAnimationFrame(() => {
       this.drawing = 0;
+      this.crop.fitTo(this.camera);
       this.renderer.render(this.scene, this.camera);
     });
   }

@@ -16,7 +16,7 @@ export function testMasks(shared: () => { readonly page: Page }): void {
     await expect.poll(() => area(page)).toBe(0);
     const view = (await page.locator('.picture').getAttribute('data-view')) ?? '';
     const book = await truthOf(page, view, 114);
-    await page.getByRole('button', { name: 'Lasso' }).click();
+    await page.getByRole('button', { name: 'Lasso', exact: true }).click();
     await drawStroke(page, [
       [0.24, 0.32],
       [0.34, 0.34],

@@ -6,8 +6,11 @@ import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
 import { testEverything } from './everything_tests';
 import { testExports } from './export_tests';
+import { testGaussians } from './gaussian_tests';
+import { testHistory } from './history_tests';
 import { testHover } from './hover_tests';
 import { testLayout } from './layout_tests';
+import { testLinks } from './link_tests';
 import { testMasks } from './mask_tests';
 import {
   answersPerSecond,
@@ -301,6 +304,12 @@ testEverything(() => ({ page }));
 testThings(() => ({ page }));
 
 testMasks(() => ({ page }));
+
+testGaussians(() => ({ page }));
+
+testHistory(() => ({ page }));
+
+testLinks(() => ({ page }));
 
 testExports(() => ({ stack, context, page, namedAreas }));
 

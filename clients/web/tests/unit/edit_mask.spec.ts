@@ -83,10 +83,10 @@ test('a mask that was changed stays as it is, with further changes, and is undon
   session.edit('a.jpg', drawn('####', '....'));
   answerWith([maskIn('a.jpg', first, 2n)]);
   expect(shown()[0]).toBe('####');
-  session.undo();
+  await session.history.undo();
   answerWith([maskIn('a.jpg', first, 2n)]);
   expect(shown()[0]).toBe('###.');
-  session.undo();
+  await session.history.undo();
   answerWith([maskIn('a.jpg', first, 2n)]);
   expect(shown()[0]).toBe('##..');
   expect(session.state.get().prompt?.kind).toBe('points');

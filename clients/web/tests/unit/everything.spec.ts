@@ -1,4 +1,5 @@
 import { expect, test } from '@playwright/test';
+import { History } from '../../app/history';
 import { decodeRle } from '../../app/mask/rle';
 import { replace } from './fake_session';
 import { pngOf } from './grey_pngs';
@@ -48,11 +49,12 @@ test.afterEach(() => {
 async function made() {
   const { SceneEverything } = await import('../../app/scene/everything');
   const { SceneSelections } = await import('../../app/scene/selections');
-  const selections = new SceneSelections(model);
+  const history = new History();
+  const selections = new SceneSelections(model, history);
   const everything = new SceneEverything(model, selections);
   everything.show('a.jpg', size);
   const seen = () => expect.poll(() => everything.state.get().seen).toBeDefined();
-  return { everything, selections, state: () => everything.state.get(), seen };
+  return { everything, selections, history, state: () => everything.state.get(), seen };
 }
 
 test('the scene is split once, and each view and level drawn once', async () => {
@@ -117,7 +119,7 @@ test('a decomposition that takes long can be cancelled, and asked for again', as
 });
 
 test('segments are hidden one after the other, as the selection says', async () => {
-  const { everything, selections, state, seen } = await made();
+  const { everything, selections, history, state, seen } = await made();
   everything.turn(true);
   await seen();
   const [first, second] = [1, 2].map((id) => everything.promptOf(id));
@@ -130,7 +132,7 @@ test('segments are hidden one after the other, as the selection says', async () 
   await everything.hide(second, { level: 1, id: 2 });
   expect(selections.state.get().selection).toMatchObject({ base: 's1' });
   expect(state().hidden).toHaveLength(2);
-  await selections.undo();
+  await history.undo();
   expect(state().hidden).toEqual([{ level: 1, id: 1 }]);
   // Where the selection is shown in another way, nothing is hidden.
   selections.show('tinted');
@@ -139,6 +141,8 @@ test('segments are hidden one after the other, as the selection says', async () 
   expect(state().hidden).toHaveLength(1);
   selections.clear();
   expect(state().hidden).toEqual([]);
+  await history.undo();
+  expect(state().hidden).toHaveLength(1);
 });
 
 test('the mask of a segment stays the answer in its view', async () => {

@@ -89,7 +89,7 @@ test('a click in the same pixel takes the answer, without another request', asyn
   expect(prompt).toMatchObject({ points: [{ x: 5.5, y: 4.5, negative: false }] });
   expect(asked).toHaveLength(1);
   expect(session.hover.state.get().mask).toBeUndefined();
-  session.undo();
+  await session.history.undo();
   expect(session.state.get().prompt).toBeUndefined();
   session.end();
 });

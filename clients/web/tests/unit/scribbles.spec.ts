@@ -37,9 +37,9 @@ test('strokes are asked for as they are drawn, and undone one by one', async () 
   expect(what?.case).toBe('scribbles');
   expect(what?.value).toMatchObject({ strokes: [over, beside] });
   expect(asked.at(-1)?.prompt?.view?.place).toEqual({ case: 'view', value: 'a.jpg' });
-  session.undo();
+  await session.history.undo();
   expect(session.state.get().prompt).toMatchObject({ kind: 'scribbles', strokes: [over] });
-  session.undo();
+  await session.history.undo();
   expect(session.state.get().prompt).toBeUndefined();
   session.end();
 });

@@ -59,8 +59,12 @@ test('a click on nothing keeps the answer before it, and marks its position', as
   expect(after.miss).toEqual({ place, x: 3, y: 2 });
   expect(after.prompt).toEqual(before.prompt);
   expect(after.answer).toBe(before.answer);
-  expect([after.busy, after.failure, after.canUndo]).toEqual([false, undefined, true]);
-  session.undo();
+  expect([after.busy, after.failure, session.history.state.get().undo]).toEqual([
+    false,
+    undefined,
+    'Click',
+  ]);
+  await session.history.undo();
   expect(session.state.get().prompt).toBeUndefined();
 });
 
@@ -142,14 +146,9 @@ test('a first click on nothing leaves nothing', async () => {
   inside.others = { ask: () => undefined, stop: () => undefined };
   session.addPoint({ view: 'a.jpg' }, { x: 3, y: 2, negative: false });
   inside.refused(1n, refusal('NOTHING_THERE'));
-  const { prompt, answer, busy, failure, canUndo, miss } = session.state.get();
-  expect([prompt, answer, busy, failure, canUndo]).toEqual([
-    undefined,
-    undefined,
-    false,
-    undefined,
-    false,
-  ]);
+  const { prompt, answer, busy, failure, miss } = session.state.get();
+  expect([prompt, answer, busy, failure]).toEqual([undefined, undefined, false, undefined]);
+  expect(session.history.state.get().undo).toBeUndefined();
   expect(miss).toMatchObject({ x: 3, y: 2 });
 });
 

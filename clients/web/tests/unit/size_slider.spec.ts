@@ -94,9 +94,9 @@ test('a move of the slider is one step for undo', async () => {
   fake.session.climb(2);
   fake.session.climb(3);
   fake.session.rest();
-  fake.session.undo();
+  await fake.session.history.undo();
   expect(fake.session.state.get()).toMatchObject({ granularity: {}, prompt: { kind: 'points' } });
-  fake.session.undo();
+  await fake.session.history.undo();
   expect(fake.session.state.get().prompt).toBeUndefined();
   fake.session.end();
 });
