@@ -79,7 +79,17 @@ expect 3 pepeseg-benchmark evaluate table "$work/nothing.json"
 grep -q 'no such folder or file of outlines: .*nothing.json' "$work/errors" || fail 'no such file'
 expect 3 pepeseg-benchmark evaluate table "$work/things.json" --protocol sam-agreement
 
-# Export of labels: in a label's own view its mask is the answer, byte for byte. No click has the
+same_pixels() {  # same_pixels PNG PNG: of two encoders
+  local python
+  for python in python3 /usr/bin/python3; do ! "$python" -c 'import PIL' 2>/dev/null || break; done
+  "$python" - "$@" <<'PYTHON'
+import sys
+from PIL import Image
+one, other = (Image.open(file).convert("L") for file in sys.argv[1:])
+sys.exit((one.size, one.tobytes()) != (other.size, other.tobytes()))
+PYTHON
+}
+# Export of labels: in a label's own view its mask is the answer, pixel for pixel. No click has the
 # union of all things as its answer.
 for n in 0 1; do
   expect 0 pepeseg label table thing-$n --view 00$n.png --mask "$scene/labels/00$n.png" --text things.$((n + 1))
@@ -90,7 +100,7 @@ for format in masks coco yolo labelme; do
   expect 0 pepeseg export table "$work/export/$format" --format $format --views 000.png 001.png
 done
 for mask in segmented/000_mask.png export/masks/thing-0/000.png; do
-  cmp -s "$work/accepted/thing-0_mask.png" "$work/$mask" || fail "$mask is not the accepted mask"
+  same_pixels "$work/accepted/thing-0_mask.png" "$work/$mask" || fail "$mask is not the accepted mask"
 done
 expect 0 pepeseg --json labels table thing-0
 cp "$work/output" "$work/label.json"
