@@ -20,7 +20,7 @@ namespace pepeseg::client {
 namespace {
 
 constexpr int kMaxAnswerBytes = 64 << 20;  // gRPC's default is 4 MiB
-constexpr char kHttps[] = "https://";
+constexpr char kHttps[] = "https://", kHttp[] = "http://";
 
 // Unprintable characters are refused here: gRPC would end the call with an error that does not name
 // the key.
@@ -158,9 +158,16 @@ bool IsThisMachine(const std::string& server) {
 absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& server,
                                                            const Login& login) {
   const bool is_https = server.rfind(kHttps, 0) == 0;
-  const std::string target = is_https ? server.substr(sizeof(kHttps) - 1) : server;
+  const bool is_http = server.rfind(kHttp, 0) == 0;
+  const std::string target = is_https  ? server.substr(sizeof(kHttps) - 1)
+                             : is_http ? server.substr(sizeof(kHttp) - 1)
+                                       : server;
   const bool tls = login.tls || is_https || !login.ca.empty() || !login.certificate.empty() ||
                    !login.certificate_key.empty();
+  if (is_http && tls) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(server, " is not encrypted, but --tls or a certificate asks for TLS"));
+  }
   ASSIGN_OR_RETURN(const std::string key, FindKey(login));
   // The key is as good as a password: it never leaves this machine unencrypted.
   if (!key.empty() && !tls && !IsThisMachine(target)) {

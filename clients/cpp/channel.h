@@ -20,11 +20,12 @@ struct Login {
   bool tls = false;             // https://, `ca` and `certificate` imply it
 };
 
-// Returns a channel to `server`: "host:port", "https://host:port" or "unix:path". It connects with
-// the first call, reconnects after a break, and sends the key with every call. It connects to other
-// machines through the proxy that the environment names, if any (see ProxyOf). INVALID_ARGUMENT: a
-// key is malformed, a certificate lacks its private key, or the key would go to another machine
-// unencrypted. A file that cannot be read is an error of ReadFile.
+// Returns a channel to `server`: "[https://]host:port", "http://host:port" or "unix:path". It
+// connects with the first call, reconnects after a break, and sends the key with every call. It
+// connects to other machines through the proxy that the environment names, if any (see ProxyOf).
+// INVALID_ARGUMENT: a key is malformed, http:// comes with what asks for TLS, a certificate lacks
+// its private key, or the key would go to another machine unencrypted. A file that cannot be read
+// is an error of ReadFile.
 absl::StatusOr<std::shared_ptr<grpc::Channel>> OpenChannel(const std::string& server,
                                                            const Login& login);
 

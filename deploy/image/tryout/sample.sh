@@ -15,7 +15,7 @@ for _ in {1..300}; do
   sleep 0.1
 done
 pepeseg upload demo "$scene"
-pepeseg train demo
+pepeseg train demo --preset preview
 # Names and pixels of the photograph that show them, as in `make demo`.
 name() { pepeseg label demo "$1" --text "$2" --view frame-000008.jpg --point "$3"; }
 name creativity_chenille_stems 'Creativity chenille stems' 426,400

@@ -28,9 +28,10 @@ fail() {
 }
 start() {
   local begin=$SECONDS
-  # The host's network: on some machines an engine can make none of its own.
+  # The host's network and limits: on some machines an engine can make neither networks nor larger limits.
   podman run --detach --name pepeseg-tryout --network host --read-only --tmpfs /tmp:mode=1777 \
-    --cap-drop all --security-opt no-new-privileges --volume "$work/data:/var/lib/pepeseg" \
+    --cap-drop all --security-opt no-new-privileges --ulimit nofile=1024:1024 \
+    --ulimit nproc=1024:1024 --volume "$work/data:/var/lib/pepeseg" \
     localhost/pepeseg-tryout >/dev/null
   until podman healthcheck run pepeseg-tryout >/dev/null 2>&1 && inside pepeseg health >/dev/null 2>&1
   do

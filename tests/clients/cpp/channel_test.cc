@@ -51,6 +51,18 @@ TEST_F(ChannelTest, SendsNoKeyUnencryptedToAnotherMachine) {
   }
 }
 
+TEST_F(ChannelTest, TakesAnAddressWithoutTlsAsBrowsersWriteIt) {
+  Login login;
+  EXPECT_OK(OpenChannel("http://127.0.0.1:1", login));
+  login.key_file = file;
+  EXPECT_OK(OpenChannel("http://127.0.0.1:1", login));
+  EXPECT_FALSE(OpenChannel("http://10.0.0.1:1", login).ok()) << "the key is not sent there";
+  login.tls = true;
+  const auto refused = OpenChannel("http://127.0.0.1:1", login);
+  EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_NE(refused.status().message().find("asks for TLS"), std::string::npos);
+}
+
 TEST_F(ChannelTest, ReadsTheKeyFromTheEnvironment) {
   setenv("PEPESEG_KEY", "pk_secret", 1);
   EXPECT_FALSE(OpenChannel("example.org:1", {}).ok());

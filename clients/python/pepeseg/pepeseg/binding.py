@@ -51,8 +51,8 @@ class SceneClient(ABC):
             model: number of the model; "live" is the live one. "jobs/j3" is the model of a job, also
                 while the job trains it: segment, propose, decompose and render answer by its newest
                 snapshot.
-            server: "[https://]host:port" or "unix:path"; else PEPESEG_SERVER, else
-                127.0.0.1:50051.
+            server: "[https://]host:port", "http://host:port" or "unix:path"; else
+                PEPESEG_SERVER, else 127.0.0.1:50051.
             key: an API key ("pk_...") or a JWT; else the first line of `key_file`, else
                 PEPESEG_KEY.
             ca: PEM file of the authorities that may sign the server's certificate; else PEPESEG_CA,

@@ -14,7 +14,7 @@ from pepeseg.errors import refused
 from pepeseg.proxy import Proxy, proxy_of
 
 DEFAULT_SERVER = "127.0.0.1:50051"
-_HTTPS = "https://"
+_HTTPS, _HTTP = "https://", "http://"
 _OPTIONS = [
     ("grpc.max_receive_message_length", 64 << 20),
     # Reconnects within seconds after a server comes back, not within two minutes.
@@ -29,7 +29,8 @@ class Login:
     """How to connect. Fields that are None are taken from the environment.
 
     Attributes:
-        server: "[https://]host:port" or "unix:path"; else PEPESEG_SERVER, else 127.0.0.1:50051.
+        server: "[https://]host:port", "http://host:port" or "unix:path"; else PEPESEG_SERVER,
+            else 127.0.0.1:50051.
         key: an API key ("pk_...") or a JWT; else the first line of `key_file`, else PEPESEG_KEY.
         key_file: a file whose first line is the key.
         ca: PEM file of the authorities that may sign the server's certificate; else PEPESEG_CA,
@@ -132,8 +133,8 @@ def look_through(login: Login) -> Connection:
     """Checks a login, and fills it from the environment.
 
     Raises:
-        InvalidArgumentError: a file cannot be read, the key is malformed, or it would go to another
-            machine unencrypted.
+        InvalidArgumentError: a file cannot be read, the key is malformed or would go to another
+            machine unencrypted, or http:// comes with what asks for TLS.
     """
     server = login.server or os.environ.get("PEPESEG_SERVER") or DEFAULT_SERVER
     ca = login.ca or os.environ.get("PEPESEG_CA") or None
@@ -141,7 +142,9 @@ def look_through(login: Login) -> Connection:
     certificate_key = login.certificate_key or os.environ.get("PEPESEG_CERTIFICATE_KEY") or None
     tls = login.tls or server.startswith(_HTTPS)
     tls = tls or not (ca is None and certificate is None and certificate_key is None)
-    target = server.removeprefix(_HTTPS)
+    if tls and server.startswith(_HTTP):
+        raise refused(f"{server} is not encrypted, but tls or a certificate asks for TLS")
+    target = server.removeprefix(_HTTPS).removeprefix(_HTTP)
     key = _find_key(login)
     if key and not tls and not is_this_machine(target):
         raise refused(

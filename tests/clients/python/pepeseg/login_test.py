@@ -35,6 +35,13 @@ class TestLogin:
             ("authorization", "Bearer pk_1"),
         )
 
+    def test_an_address_may_begin_as_in_a_browser(self):
+        assert look_through(Login("http://127.0.0.1:7")).target == "127.0.0.1:7"
+        with pytest.raises(pepeseg.InvalidArgumentError, match="not encrypted"):
+            look_through(Login("http://10.0.0.1:7", "pk_1"))
+        with pytest.raises(pepeseg.InvalidArgumentError, match="asks for TLS"):
+            look_through(Login("http://127.0.0.1:7", tls=True))
+
     def test_the_environment_replaces_what_is_not_given(self, monkeypatch, tmp_path):
         monkeypatch.setenv("PEPESEG_SERVER", "localhost:7")
         monkeypatch.setenv("PEPESEG_KEY", "aa.bb.cc")
