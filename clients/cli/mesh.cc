@@ -24,6 +24,7 @@ struct MeshFlags {
   std::string origin = "local";
   int voxels = 256;
   bool watertight = false;
+  int64_t max_triangles = 0;
   SubsetFlags subset;
 };
 
@@ -37,6 +38,7 @@ absl::Status RunMesh(const Shell& shell, const MeshFlags& flags) {
   request.set_coordinates(flags.origin == "local" ? v1::COORDINATES_LOCAL : v1::COORDINATES_WORLD);
   request.set_voxels(flags.voxels);
   request.set_watertight(flags.watertight);
+  request.set_max_triangles(flags.max_triangles);
   ASSIGN_OR_RETURN(const v1::ExportMeshResponse::Header header,
                    Client(shell.channel).ExportMesh(request, flags.file));
   ASSIGN_OR_RETURN(const std::string origin,
@@ -73,6 +75,10 @@ void AddMesh(CLI::App& app, Shell& shell) {
       ->capture_default_str();
   verb->add_flag("--watertight", flags->watertight,
                  "Close the surface where no photograph shows it, for printing and for volumes");
+  verb->add_option(
+          "--triangles", flags->max_triangles,
+          "Most triangles: they are merged where the surface changes least. By default all")
+      ->check(CLI::Range(int64_t{100}, int64_t{1'000'000'000}));
   verb->add_option(
           "--origin", flags->origin,
           "Positions of a scene with map coordinates. local: floats relative to an origin, "

@@ -8,6 +8,7 @@
 #include "core/base/digest.h"
 #include "core/base/status_macros.h"
 #include "core/mesh/make_mesh.h"
+#include "core/mesh/simplify.h"
 #include "kernels/thread_pool.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
@@ -17,6 +18,7 @@ namespace {
 
 // The message that is being filled, and gRPC's copy of the one that is being sent.
 constexpr int64_t kMeshMessageBytes = 2 * MeshBlocks::kMaxBlockBytes;
+constexpr int64_t kFewestTriangles = 100;
 
 }  // namespace
 
@@ -39,6 +41,10 @@ absl::Status ExportMeshStream::Open() {
   if (voxels != 0 && (voxels < kMinMeshVoxels || voxels > kMaxMeshVoxels)) {
     return BadField("voxels", absl::StrCat(voxels),
                     absl::StrCat("allowed are ", kMinMeshVoxels, "..", kMaxMeshVoxels));
+  }
+  if (request_.max_triangles() != 0 && request_.max_triangles() < kFewestTriangles) {
+    return BadField("max_triangles", absl::StrCat(request_.max_triangles()),
+                    absl::StrCat("at least ", kFewestTriangles, ", or 0 for all"));
   }
   ASSIGN_OR_RETURN(const ResidentModel model,
                    deps_.models.Load(caller_.scenes, request_.model(), "model"));
@@ -68,6 +74,13 @@ absl::Status ExportMeshStream::Make(const ResidentModel& model, const GaussianSe
   }
   // What the volume took is free again.
   memory_.reset();
+  if (request_.max_triangles() != 0) {
+    ASSIGN_OR_RETURN(memory_,
+                     deps_.models.TakeAnswerMemory(model.id.scene.project,
+                                                   BytesOfTriangles(mesh) + BytesToSimplify(mesh)));
+    Simplify(request_.max_triangles(), mesh);
+    memory_.reset();
+  }
   ASSIGN_OR_RETURN(memory_,
                    deps_.models.TakeAnswerMemory(model.id.scene.project,
                                                  BytesOfTriangles(mesh) + kMeshMessageBytes));

@@ -194,7 +194,7 @@ expect 0 pepeseg export shelf "$work/odd.glb" --segment 0:1 --format ply
 [[ $(head -c 3 "$work/odd.glb") == ply ]] || fail '--format does not decide'
 expect 0 pepeseg mesh shelf "$work/mesh.ply" --voxels 64
 grep -aq '^element face [1-9]' "$work/mesh.ply" || fail 'a mesh has no faces'
-expect 0 pepeseg mesh shelf "$work/mesh.glb" --segment 0:1 --voxels 32 --watertight
+expect 0 pepeseg mesh shelf "$work/mesh.glb" --segment 0:1 --voxels 32 --watertight --triangles 500
 [[ $(head -c 4 "$work/mesh.glb") == glTF ]] || fail 'the mesh is not a GLB'
 expect 4 pepeseg mesh shelf "$work/none.ply" --segment 0:9999
 expect 4 pepeseg export shelf "$work/none.ply" --segment 0:9999

@@ -52,7 +52,11 @@ TEST_F(ExportMeshTest, ExportsTheSceneAndASegment) {
   ASSERT_OK(Export());
   EXPECT_EQ(file.substr(0, 4), "glTF");
   EXPECT_EQ(header.sha256(), Sha256Hex(file));
-  EXPECT_GT(header.num_triangles(), 100);
+  EXPECT_GT(header.num_triangles(), 200);
+  request.set_max_triangles(header.num_triangles() / 2);
+  ASSERT_OK(Export());
+  EXPECT_LE(header.num_triangles(), request.max_triangles());
+  EXPECT_EQ(header.sha256(), Sha256Hex(file));
 }
 
 TEST_F(ExportMeshTest, RefusesWhatItCannotMake) {
@@ -61,6 +65,11 @@ TEST_F(ExportMeshTest, RefusesWhatItCannotMake) {
     EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "voxels", "32..1024");
   }
   request.set_voxels(0);
+  for (const int64_t triangles : {-1, 99}) {
+    request.set_max_triangles(triangles);
+    EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "max_triangles", "at least 100");
+  }
+  request.set_max_triangles(0);
   request.set_format(static_cast<v1::MeshFormat>(9));
   EXPECT_ERROR(Export(), grpc::INVALID_ARGUMENT, "format", "no format");
   request.set_format(v1::MESH_FORMAT_PLY);

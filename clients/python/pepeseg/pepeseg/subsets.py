@@ -359,6 +359,7 @@ def export_mesh(
     format: str | None = None,
     voxels: int = 256,
     watertight: bool = False,
+    triangles: int | None = None,
 ) -> Steps[MeshExport]:
     """Makes a triangle mesh of the model, or of a subset of it, and fetches it as a file.
 
@@ -371,6 +372,8 @@ def export_mesh(
             of glTF: x, -y, -z of the world.
         voxels: on the longest side of the box of the Gaussians, 32 to 1024.
         watertight: close the surface where no view shows it, so that it has a volume.
+        triangles: most triangles, at least 100: they are merged where the surface changes least.
+            None: all.
 
     Raises:
         InvalidArgumentError: as `export`; or `voxels` is out of range, or they are too many.
@@ -384,6 +387,7 @@ def export_mesh(
         format=_format_of(path, format, MESH_FORMATS),
         voxels=voxels,
         watertight=watertight,
+        max_triangles=triangles or 0,
     )
     target = Path(path)
     empty = render_service_pb2.ExportMeshResponse.Header()

@@ -63,20 +63,22 @@ class ExportGaussiansResponse(_message.Message):
     def __init__(self, header: _Optional[_Union[ExportGaussiansResponse.Header, _Mapping]] = ..., chunk: _Optional[bytes] = ...) -> None: ...
 
 class ExportMeshRequest(_message.Message):
-    __slots__ = ["coordinates", "format", "model", "subset", "voxels", "watertight"]
+    __slots__ = ["coordinates", "format", "max_triangles", "model", "subset", "voxels", "watertight"]
     COORDINATES_FIELD_NUMBER: _ClassVar[int]
     FORMAT_FIELD_NUMBER: _ClassVar[int]
+    MAX_TRIANGLES_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     SUBSET_FIELD_NUMBER: _ClassVar[int]
     VOXELS_FIELD_NUMBER: _ClassVar[int]
     WATERTIGHT_FIELD_NUMBER: _ClassVar[int]
     coordinates: Coordinates
     format: MeshFormat
+    max_triangles: int
     model: str
     subset: Subset
     voxels: int
     watertight: bool
-    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., coordinates: _Optional[_Union[Coordinates, str]] = ..., format: _Optional[_Union[MeshFormat, str]] = ..., voxels: _Optional[int] = ..., watertight: bool = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., subset: _Optional[_Union[Subset, _Mapping]] = ..., coordinates: _Optional[_Union[Coordinates, str]] = ..., format: _Optional[_Union[MeshFormat, str]] = ..., voxels: _Optional[int] = ..., watertight: bool = ..., max_triangles: _Optional[int] = ...) -> None: ...
 
 class ExportMeshResponse(_message.Message):
     __slots__ = ["chunk", "header"]
