@@ -132,8 +132,9 @@ TEST_F(ExportTest, ExportsTheSameInBothCoordinatesNearZero) {
 }
 
 TEST_F(ExportTest, ExportsOtherFormatsOfAllAndOfASegment) {
-  for (const auto& [format, magic] : {std::pair(v1::GAUSSIAN_FORMAT_GLB, "glTF"),
-                                      std::pair(v1::GAUSSIAN_FORMAT_SPZ, "\x1f\x8b")}) {
+  for (const auto& [format, magic] :
+       {std::pair(v1::GAUSSIAN_FORMAT_GLB, "glTF"), std::pair(v1::GAUSSIAN_FORMAT_SPZ, "\x1f\x8b"),
+        std::pair(v1::GAUSSIAN_FORMAT_SOG, "PK\3\4")}) {
     request.set_format(format);
     request.clear_subset();
     ASSERT_OK(Export());

@@ -16,6 +16,7 @@ COORDINATES_WORLD: Coordinates
 DESCRIPTOR: _descriptor.FileDescriptor
 GAUSSIAN_FORMAT_GLB: GaussianFormat
 GAUSSIAN_FORMAT_PLY: GaussianFormat
+GAUSSIAN_FORMAT_SOG: GaussianFormat
 GAUSSIAN_FORMAT_SPZ: GaussianFormat
 GAUSSIAN_FORMAT_UNSPECIFIED: GaussianFormat
 MESH_FORMAT_GLB: MeshFormat
