@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/formats/gaussian_glb.h"
+#include "core/formats/gaussian_html.h"
 #include "core/formats/gaussian_ply.h"
 #include "core/formats/gaussian_sog.h"
 #include "core/formats/gaussian_spz.h"
@@ -51,8 +52,9 @@ bool IsLocal(const v1::ExportGaussiansRequest& request) {
 
 // Returns whether the file leaves the origin of the model to its reader.
 bool LeavesOrigin(const v1::ExportGaussiansRequest& request) {
-  return IsLocal(request) || request.format() == v1::GAUSSIAN_FORMAT_SPZ ||
-         request.format() == v1::GAUSSIAN_FORMAT_SOG;
+  const v1::GaussianFormat format = request.format();
+  return IsLocal(request) || format == v1::GAUSSIAN_FORMAT_SPZ ||
+         format == v1::GAUSSIAN_FORMAT_SOG || format == v1::GAUSSIAN_FORMAT_HTML;
 }
 
 // Returns the pool on which the call works.
@@ -71,13 +73,19 @@ absl::Status CheckCount(v1::GaussianFormat format, int64_t count) {
   };
   if (format == v1::GAUSSIAN_FORMAT_GLB) return check("GLB", kMaxGlbGaussians);
   if (format == v1::GAUSSIAN_FORMAT_SOG) return check("SOG", kMaxSogGaussians);
+  if (format == v1::GAUSSIAN_FORMAT_HTML) return check("HTML", kMaxHtmlGaussians);
   return absl::OkStatus();
 }
 
-// Returns the file of these Gaussians in the format of the request. The model must outlive it.
+// Returns the file of these Gaussians in the format of the request, another than an SOG. The model
+// must outlive it. `title` is that of a page.
 std::unique_ptr<const GaussianBlocks> BlocksOf(const Model& model, std::vector<uint32_t> indices,
-                                               SegmentIds segment_ids,
+                                               SegmentIds segment_ids, std::string title,
                                                const v1::ExportGaussiansRequest& request) {
+  if (request.format() == v1::GAUSSIAN_FORMAT_HTML) {
+    return std::make_unique<GaussianHtmlBlocks>(model.gaussians, std::move(indices),
+                                                SplatPageOf(model, std::move(title)));
+  }
   if (request.format() == v1::GAUSSIAN_FORMAT_SPZ) {
     return std::make_unique<GaussianSpzBlocks>(model.gaussians, std::move(indices));
   }
@@ -161,7 +169,13 @@ absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const Gaus
   if (is_sog) {
     RETURN_IF_ERROR(MakeSog(model, std::move(indices)));
   } else {
-    subset_ = BlocksOf(of, std::move(indices), std::move(segment_ids), request_);
+    std::string title;
+    if (request_.format() == v1::GAUSSIAN_FORMAT_HTML) {
+      ASSIGN_OR_RETURN(const SceneRecord scene,
+                       deps_.models.store().scenes().GetScene(model.id.scene));
+      title = scene.display_name.empty() ? scene.scene.name : scene.display_name;
+    }
+    subset_ = BlocksOf(of, std::move(indices), std::move(segment_ids), std::move(title), request_);
   }
   if (LeavesOrigin(request_) && !of.origin.isZero(0)) {
     *message_.mutable_header()->mutable_origin() =

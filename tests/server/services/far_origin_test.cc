@@ -131,7 +131,8 @@ TEST_F(FarOriginTest, MovesTheNodeOfAGlb) {
   const std::string world = Export(true, v1::COORDINATES_WORLD, v1::GAUSSIAN_FORMAT_GLB);
   EXPECT_FALSE(header.has_origin());
   EXPECT_NE(world.find("\"translation\":[400000.0,-5300000.0,-100.0]"), std::string::npos);
-  for (const auto format : {v1::GAUSSIAN_FORMAT_SPZ, v1::GAUSSIAN_FORMAT_SOG}) {
+  for (const auto format :
+       {v1::GAUSSIAN_FORMAT_SPZ, v1::GAUSSIAN_FORMAT_SOG, v1::GAUSSIAN_FORMAT_HTML}) {
     Export(false, v1::COORDINATES_WORLD, format);
     EXPECT_TRUE(HasOrigin());
   }

@@ -15,6 +15,7 @@ COORDINATES_UNSPECIFIED: Coordinates
 COORDINATES_WORLD: Coordinates
 DESCRIPTOR: _descriptor.FileDescriptor
 GAUSSIAN_FORMAT_GLB: GaussianFormat
+GAUSSIAN_FORMAT_HTML: GaussianFormat
 GAUSSIAN_FORMAT_PLY: GaussianFormat
 GAUSSIAN_FORMAT_SOG: GaussianFormat
 GAUSSIAN_FORMAT_SPZ: GaussianFormat
