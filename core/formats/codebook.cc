@@ -15,7 +15,7 @@ constexpr size_t kCodes = std::tuple_size_v<Codebook>;
 Codebook FirstCodes(std::span<const float> values) {
   // Intervals with equal numbers of values. The density of one is 1 / width, so that the cube root
   // of the density, times the width, is width^(2/3).
-  const size_t num_intervals = std::min<size_t>(values.size() - 1, 4 * kCodes);
+  const size_t num_intervals = std::min<size_t>(values.size() - 1, 64 * kCodes);
   const auto value_at = [&](size_t i) {
     return double{values[i * (values.size() - 1) / num_intervals]};
   };
@@ -196,7 +196,7 @@ Codebook MakeCodebook(std::vector<float> values) {
   codes = FirstCodes(values);
   std::vector<double> sums(values.size() + 1, 0.0);  // of the values before each
   for (size_t i = 0; i < values.size(); ++i) sums[i + 1] = sums[i] + double{values[i]};
-  constexpr int kSteps = 50;
+  constexpr int kSteps = 200;
   for (int step = 0; step < kSteps; ++step) {
     size_t first = 0;
     Codebook next = codes;

@@ -285,8 +285,9 @@ TEST(Codebook, HasFewCodesForEqualValues) {
   std::vector<float> values(20'000, 0.25f);
   std::ranges::copy(span, values.begin());
   const Codebook codebook = MakeCodebook(values);
-  EXPECT_EQ(codebook[NearestCode(codebook, 0.25f)], 0.25f);
-  EXPECT_LE(std::ranges::count(codebook, 0.25f), 2);
+  const auto is_near = [](float code) { return std::abs(code - 0.25f) < 1e-4f; };
+  EXPECT_TRUE(is_near(codebook[NearestCode(codebook, 0.25f)]));
+  EXPECT_LE(std::ranges::count_if(codebook, is_near), 3);
   for (const float value : span) {
     EXPECT_NEAR(codebook[NearestCode(codebook, value)], value, 0.02 + 0.1 * std::abs(value));
   }
