@@ -109,10 +109,11 @@ struct Sog {
   double Opacity(size_t row) const { return images.at("sh0.webp").At(row, 3) / 255.0; }
   double Sh(size_t row, int coefficient, int channel) const {
     const Pixels& labels = images.at("shN_labels.webp");
-    const auto entry = static_cast<size_t>(labels.At(row, 0) + 256 * labels.At(row, 1));
+    const size_t entry = static_cast<size_t>(labels.At(row, 0)) +
+                         size_t{256} * static_cast<size_t>(labels.At(row, 1));
     EXPECT_LT(entry, meta["shN"]["count"].get<size_t>());
     const auto bands = meta["shN"]["bands"].get<int>();
-    const auto num_coefficients = static_cast<size_t>((bands + 1) * (bands + 1) - 1);
+    const auto num_coefficients = static_cast<size_t>(NumShCoefficients(bands)) - 1;
     const Pixels& centroids = images.at("shN_centroids.webp");
     EXPECT_EQ(centroids.width, static_cast<int>(64 * num_coefficients));
     const size_t x = entry % 64 * num_coefficients + static_cast<size_t>(coefficient) - 1;
@@ -255,6 +256,7 @@ TEST(GaussianSog, EndsWithTheErrorOfTheCheck) {
 
 TEST(Codebook, HasFewValuesExactly) {
   std::vector<float> values;
+  values.reserve(2560);
   for (int i = 0; i < 2560; ++i) values.push_back(std::sqrt(static_cast<float>(i % 256)));
   const Codebook codebook = MakeCodebook(values);
   for (const float value : values) EXPECT_EQ(codebook[NearestCode(codebook, value)], value);
