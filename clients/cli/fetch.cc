@@ -106,7 +106,9 @@ struct GaussianFormat {
 constexpr GaussianFormat kGaussianFormats[] = {
     {"ply", v1::GAUSSIAN_FORMAT_PLY, "the Gaussians"},
     {"spz", v1::GAUSSIAN_FORMAT_SPZ, "the Gaussians, compressed to about a tenth"},
-    {"glb", v1::GAUSSIAN_FORMAT_GLB, "the Gaussians as glTF"}};
+    {"glb", v1::GAUSSIAN_FORMAT_GLB, "the Gaussians as glTF"},
+    {"sog", v1::GAUSSIAN_FORMAT_SOG, "the Gaussians as images in a zip, smaller than SPZ"},
+    {"html", v1::GAUSSIAN_FORMAT_HTML, "a page that shows the Gaussians in a browser"}};
 
 // Returns the format that the end of a file's name says, or "ply".
 std::string FormatOfName(const std::string& file) {
@@ -278,14 +280,14 @@ void AddExport(CLI::App& app, Shell& shell) {
           "--format", flags->format,
           contents +
               "coco, yolo, labelme, masks (a PNG each), cvat or ids (a PNG with all): the "
-              "masks of the scene's labels in its views. By default what FILE ends in, .spz "
-              "or .glb, else ply")
+              "masks of the scene's labels in its views. By default what FILE ends in, .spz, "
+              ".glb, .sog or .html, else ply")
       ->check(CLI::IsMember(formats));
   verb->add_option(
           "--origin", flags->origin,
           "Positions of a scene with map coordinates. local: floats relative to an origin, "
           "which is in FILE.origin.json and in a comment of the PLY; world: doubles in a PLY, a "
-          "moved node in a GLB, as local in an SPZ")
+          "moved node in a GLB, as local in SPZ, SOG and HTML")
       ->check(CLI::IsMember({"local", "world"}))
       ->capture_default_str();
   AddAnnotationFlags(*verb, flags->annotations);

@@ -87,8 +87,10 @@ std::string Deflate(const std::string& bytes, bool is_last) {
 
 }  // namespace
 
-GaussianSpzBlocks::GaussianSpzBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices)
-    : GaussianBlocks(gaussians, std::move(indices)) {
+GaussianSpzBlocks::GaussianSpzBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
+                                     int max_sh_degree)
+    : GaussianBlocks(gaussians, std::move(indices)),
+      sh_degree_(std::min(gaussians.sh_degree, max_sh_degree)) {
   std::vector<float> sizes(static_cast<size_t>(num_gaussians()), 0.0f);
   for (int64_t row = 0; row < num_gaussians(); ++row) {
     float& size = sizes[static_cast<size_t>(row)];
@@ -126,7 +128,7 @@ int64_t GaussianSpzBlocks::RowBytesOf(Array array) const {
     case Array::kRotations:
       return 4;
     case Array::kSh:
-      return int64_t{3} * (NumShCoefficients(gaussians_.sh_degree) - 1);
+      return int64_t{3} * (NumShCoefficients(sh_degree_) - 1);
   }
   return 0;
 }
@@ -137,7 +139,7 @@ void GaussianSpzBlocks::AppendRow(Array array, int64_t row, std::string& bytes) 
       Append(0x5053474e, 4, bytes);  // "NGSP"
       Append(3, 4, bytes);           // version
       Append(static_cast<uint32_t>(num_gaussians()), 4, bytes);
-      Append(static_cast<uint32_t>(gaussians_.sh_degree), 1, bytes);
+      Append(static_cast<uint32_t>(sh_degree_), 1, bytes);
       Append(static_cast<uint32_t>(fractional_bits_), 1, bytes);
       Append(0, 2, bytes);  // trained without antialiasing; reserved
       return;
@@ -169,7 +171,7 @@ void GaussianSpzBlocks::AppendRow(Array array, int64_t row, std::string& bytes) 
       return Append(SmallestThree(rotation), 4, bytes);
     }
     case Array::kSh:
-      for (int k = 1; k < NumShCoefficients(gaussians_.sh_degree); ++k) {
+      for (int k = 1; k < NumShCoefficients(sh_degree_); ++k) {
         for (int c = 0; c < 3; ++c) {
           const float value = kYUpSh[k] * ValueOf(kShPlane + 3 * k + c, row);
           bytes.push_back(static_cast<char>(QuantizedSh(value, k < 4 ? 5 : 4)));
@@ -207,7 +209,7 @@ std::string GaussianSpzBlocks::Trailer() const {
 std::string GaussianSpzBlocks::Encode(int64_t block) const {
   // RFC 1952: deflate, no name, no time, an unknown system.
   const std::string gzip = {'\x1f', '\x8b', 8, 0, 0, 0, 0, 0, 0, '\xff'};
-  const bool is_last = block + 1 == num_blocks();
+  const bool is_last = block + 1 == static_cast<int64_t>(pieces_.size());
   std::string bytes = Deflate(RowsOf(pieces_[static_cast<size_t>(block)]), is_last);
   if (block == 0) bytes.insert(0, gzip);
   if (is_last) bytes += Trailer();

@@ -16,10 +16,11 @@ namespace pepeseg {
 // greatest coordinate of the median Gaussian. SH coefficients of degree 1 have 5 bits, of degree 2
 // and 3 four, within [-1, 1]. The axes are those of glTF (y_up.h), the positions relative to the
 // model's origin.
-class GaussianSpzBlocks final : public GaussianBlocks {
+class GaussianSpzBlocks : public GaussianBlocks {
  public:
-  // See GaussianBlocks.
-  GaussianSpzBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices);
+  // See GaussianBlocks. The file has the coefficients of degree up to `max_sh_degree`.
+  GaussianSpzBlocks(const Gaussians& gaussians, std::vector<uint32_t> indices,
+                    int max_sh_degree = kMaxShDegree);
 
   int64_t num_blocks() const override { return static_cast<int64_t>(pieces_.size()); }
   std::string Encode(int64_t block) const override;
@@ -39,6 +40,7 @@ class GaussianSpzBlocks final : public GaussianBlocks {
   // Returns the end of the gzip file: its checksum and size.
   std::string Trailer() const;
 
+  const int sh_degree_;
   int fractional_bits_ = 0;
   std::vector<Piece> pieces_;
   mutable std::once_flag summed_;

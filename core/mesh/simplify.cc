@@ -11,7 +11,7 @@
 namespace pepeseg {
 namespace {
 
-// Of meshoptimizer 0.18, and of the new vertices and triangles.
+// Memory of meshoptimizer 0.18, with the new vertices and triangles.
 constexpr int64_t kBytesOfVertex = 160, kBytesOfTriangle = 96;
 
 // Removes the vertices that no triangle has.

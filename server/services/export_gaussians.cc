@@ -7,10 +7,13 @@
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
 #include "core/formats/gaussian_glb.h"
+#include "core/formats/gaussian_html.h"
 #include "core/formats/gaussian_ply.h"
+#include "core/formats/gaussian_sog.h"
 #include "core/formats/gaussian_spz.h"
 #include "core/model_files/model_file.h"
 #include "core/query/decomposition.h"
+#include "kernels/thread_pool.h"
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
@@ -49,13 +52,40 @@ bool IsLocal(const v1::ExportGaussiansRequest& request) {
 
 // Returns whether the file leaves the origin of the model to its reader.
 bool LeavesOrigin(const v1::ExportGaussiansRequest& request) {
-  return IsLocal(request) || request.format() == v1::GAUSSIAN_FORMAT_SPZ;
+  const v1::GaussianFormat format = request.format();
+  return IsLocal(request) || format == v1::GAUSSIAN_FORMAT_SPZ ||
+         format == v1::GAUSSIAN_FORMAT_SOG || format == v1::GAUSSIAN_FORMAT_HTML;
 }
 
-// Returns the file of these Gaussians in the format of the request. The model must outlive it.
+// Returns the pool on which the call works.
+WorkerPool* PoolOf(const CallRunner& runner, const v1::ExportGaussiansRequest& request) {
+  // An SOG takes all cores for seconds, as a mesh does.
+  if (request.format() == v1::GAUSSIAN_FORMAT_SOG) return &runner.pools().evaluation;
+  return Computes(request) ? &runner.pools().query : &runner.pools().io;
+}
+
+// INVALID_ARGUMENT: the format cannot hold `count` Gaussians.
+absl::Status CheckCount(v1::GaussianFormat format, int64_t count) {
+  const auto check = [count](const char* name, int64_t most) {
+    if (count <= most) return absl::OkStatus();
+    return BadField("format", name,
+                    absl::StrCat("has ", count, " Gaussians, at most ", most, " fit"));
+  };
+  if (format == v1::GAUSSIAN_FORMAT_GLB) return check("GLB", kMaxGlbGaussians);
+  if (format == v1::GAUSSIAN_FORMAT_SOG) return check("SOG", kMaxSogGaussians);
+  if (format == v1::GAUSSIAN_FORMAT_HTML) return check("HTML", kMaxHtmlGaussians);
+  return absl::OkStatus();
+}
+
+// Returns the file of these Gaussians in the format of the request, another than an SOG. The model
+// must outlive it. `title` is that of a page.
 std::unique_ptr<const GaussianBlocks> BlocksOf(const Model& model, std::vector<uint32_t> indices,
-                                               SegmentIds segment_ids,
+                                               SegmentIds segment_ids, std::string title,
                                                const v1::ExportGaussiansRequest& request) {
+  if (request.format() == v1::GAUSSIAN_FORMAT_HTML) {
+    return std::make_unique<GaussianHtmlBlocks>(model.gaussians, std::move(indices),
+                                                SplatPageOf(model, std::move(title)));
+  }
   if (request.format() == v1::GAUSSIAN_FORMAT_SPZ) {
     return std::make_unique<GaussianSpzBlocks>(model.gaussians, std::move(indices));
   }
@@ -74,8 +104,7 @@ std::unique_ptr<const GaussianBlocks> BlocksOf(const Model& model, std::vector<u
 ExportGaussiansStream::ExportGaussiansStream(const Dependencies& deps,
                                              grpc::CallbackServerContext* call,
                                              const v1::ExportGaussiansRequest& request)
-    : WriteStream(&deps.runner.streams(),
-                  Computes(request) ? &deps.runner.pools().query : &deps.runner.pools().io),
+    : WriteStream(&deps.runner.streams(), PoolOf(deps.runner, request)),
       deps_(deps),
       call_(call),
       origin_(OriginOf(*call)),
@@ -117,15 +146,14 @@ absl::StatusOr<bool> ExportGaussiansStream::OpenSubset() {
 absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const GaussianSet* subset) {
   const Model& of = model->model();
   const int64_t count = subset == nullptr ? of.gaussians.count : subset->count();
-  if (request_.format() == v1::GAUSSIAN_FORMAT_GLB && count > kMaxGlbGaussians) {
-    return BadField("format", "GLB",
-                    absl::StrCat("has ", count, " Gaussians, at most ", kMaxGlbGaussians, " fit"));
-  }
+  RETURN_IF_ERROR(CheckCount(request_.format(), count));
+  const bool is_sog = request_.format() == v1::GAUSSIAN_FORMAT_SOG;
   // The indices, while an SPZ measures the scene a float of each Gaussian, and the segments' ids.
   const int64_t num_ids = request_.has_segment_ids() ? of.gaussians.count * kMaxLevels : 0;
   RETURN_IF_ERROR(
       TakeMemory(model.id.scene, count * static_cast<int64_t>(sizeof(uint32_t) + sizeof(float)) +
-                                     num_ids * static_cast<int64_t>(sizeof(int32_t))));
+                                     num_ids * static_cast<int64_t>(sizeof(int32_t)) +
+                                     (is_sog ? BytesOfSog(count, of.gaussians.sh_degree) : 0)));
   SegmentIds segment_ids;
   if (request_.has_segment_ids()) {
     RETURN_IF_ERROR(CheckFeatures(model));
@@ -138,13 +166,39 @@ absl::Status ExportGaussiansStream::EncodeSubset(ResidentModel model, const Gaus
   for (size_t i = 0; i < static_cast<size_t>(of.gaussians.count); ++i) {
     if (subset == nullptr || subset->member[i] != 0) indices.push_back(static_cast<uint32_t>(i));
   }
-  subset_ = BlocksOf(of, std::move(indices), std::move(segment_ids), request_);
+  if (is_sog) {
+    RETURN_IF_ERROR(MakeSog(model, std::move(indices)));
+  } else {
+    std::string title;
+    if (request_.format() == v1::GAUSSIAN_FORMAT_HTML) {
+      ASSIGN_OR_RETURN(const SceneRecord scene,
+                       deps_.models.store().scenes().GetScene(model.id.scene));
+      title = scene.display_name.empty() ? scene.scene.name : scene.display_name;
+    }
+    subset_ = BlocksOf(of, std::move(indices), std::move(segment_ids), std::move(title), request_);
+  }
   if (LeavesOrigin(request_) && !of.origin.isZero(0)) {
     *message_.mutable_header()->mutable_origin() =
         VectorToProto({of.origin.x(), of.origin.y(), of.origin.z()});
   }
   model_ = std::move(model);
   return absl::OkStatus();
+}
+
+absl::Status ExportGaussiansStream::MakeSog(const ResidentModel& model,
+                                            std::vector<uint32_t> indices) {
+  const auto num_indices = static_cast<int64_t>(indices.size());
+  {
+    ThreadPool pool(0);
+    ASSIGN_OR_RETURN(
+        subset_, MakeGaussianSog(model->model().gaussians, std::move(indices), pool, [this] {
+          return cancelled() ? absl::CancelledError("nobody waits for the SOG") : absl::OkStatus();
+        }));
+  }
+  // What the work took is free again: the file and the indices are left.
+  memory_.reset();
+  return TakeMemory(model.id.scene, subset_->num_blocks() * GaussianBlocks::kMaxBlockBytes +
+                                        num_indices * static_cast<int64_t>(sizeof(uint32_t)));
 }
 
 Stream::Step ExportGaussiansStream::DigestSome() {

@@ -22,11 +22,12 @@
 namespace pepeseg {
 
 // An ExportGaussians call. The PLY file of a whole model is sent from the disk in chunks; the
-// stream ends with DATA_LOSS if its digest is not that of the manifest. Any other file, of a subset,
-// in another format or in other coordinates than the stored ones, is encoded twice, block by block: once for the size
-// and the digest in the header, once to be sent. That holds the indices of the subset and one block
-// in memory, which are reserved in the models' memory budget. A reader that does not take a message
-// for StreamLimits::stuck_export loses the stream.
+// stream ends with DATA_LOSS if its digest is not that of the manifest. Any other file, of a
+// subset, in another format or in other coordinates than the stored ones, is encoded twice, block
+// by block: once for the size and the digest in the header, once to be sent. That holds the indices
+// of the subset and one block in memory, of an SOG the whole file; they are reserved in the models'
+// memory budget. A reader that does not take a message for StreamLimits::stuck_export loses the
+// stream.
 class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansResponse> {
  public:
   // All must outlive the stream.
@@ -48,6 +49,8 @@ class ExportGaussiansStream final : public WriteStream<v1::ExportGaussiansRespon
   absl::StatusOr<bool> OpenSubset();
   // Encodes these Gaussians; nullptr: all.
   absl::Status EncodeSubset(ResidentModel model, const GaussianSet* subset);
+  // Sets subset_ to an SOG.
+  absl::Status MakeSog(const ResidentModel& model, std::vector<uint32_t> indices);
   // Reserves memory for what the export holds in addition to the model: `bytes` and a chunk.
   absl::Status TakeMemory(const SceneRef& scene, int64_t bytes);
   // Digests some blocks of the subset. After the last one it fills the header.

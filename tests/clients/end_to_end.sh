@@ -165,6 +165,10 @@ expect 0 pepeseg export shelf "$work/piece.glb" --segment 0:1
 [[ $(head -c 4 "$work/piece.glb") == glTF ]] || fail 'a file named .glb is no glTF'
 expect 0 pepeseg export shelf "$work/piece.SPZ" --segment 0:1
 [[ $(gzip -dc "$work/piece.SPZ" | head -c 4) == NGSP ]] || fail 'a file named .SPZ is no SPZ'
+expect 0 pepeseg export shelf "$work/piece.sog" --segment 0:1
+[[ $(head -c 2 "$work/piece.sog") == PK ]] || fail 'a file named .sog is no SOG'
+expect 0 pepeseg export shelf "$work/piece.html" --segment 0:1
+grep -q '<title>shelf</title>' "$work/piece.html" || fail 'a page has another title'
 expect 0 pepeseg export shelf "$work/ids.ply" --segment-ids
 head -c 2000 "$work/ids.ply" | grep -aq '^property int segment_2$' || fail 'a PLY has no ids of segments'
 grep -q '"parent":1' "$work/ids.ply.segments.json" || fail 'the segments of an export have no parents'

@@ -84,7 +84,7 @@ TEST(Program, RefusesWrongCommandLines) {
 TEST(Program, ListsChoicesByName) {
   for (const auto& [arguments, choices] :
        {std::pair("export shelf out --format nonsense",
-                  "ply,spz,glb,coco,yolo,labelme,masks,cvat,ids"),
+                  "ply,spz,glb,sog,html,coco,yolo,labelme,masks,cvat,ids"),
         {"mesh shelf out --format nonsense", "ply,glb"},
         {"train shelf --preset nonsense", "preview,standard,best,paper"},
         {"segment shelf --view a -p 1,2 --frame nonsense", "photograph,view"}}) {

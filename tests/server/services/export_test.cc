@@ -132,8 +132,10 @@ TEST_F(ExportTest, ExportsTheSameInBothCoordinatesNearZero) {
 }
 
 TEST_F(ExportTest, ExportsOtherFormatsOfAllAndOfASegment) {
-  for (const auto& [format, magic] : {std::pair(v1::GAUSSIAN_FORMAT_GLB, "glTF"),
-                                      std::pair(v1::GAUSSIAN_FORMAT_SPZ, "\x1f\x8b")}) {
+  for (const auto& [format, magic] :
+       {std::pair(v1::GAUSSIAN_FORMAT_GLB, "glTF"), std::pair(v1::GAUSSIAN_FORMAT_SPZ, "\x1f\x8b"),
+        std::pair(v1::GAUSSIAN_FORMAT_SOG, "PK\3\4"),
+        std::pair(v1::GAUSSIAN_FORMAT_HTML, "<!doctype html>")}) {
     request.set_format(format);
     request.clear_subset();
     ASSERT_OK(Export());
@@ -150,6 +152,13 @@ TEST_F(ExportTest, ExportsOtherFormatsOfAllAndOfASegment) {
     EXPECT_TRUE(ply.starts_with(magic));
     EXPECT_LT(ply.size(), whole);
   }
+}
+
+TEST_F(ExportTest, NamesAPageAfterItsScene) {
+  request.set_format(v1::GAUSSIAN_FORMAT_HTML);
+  ASSERT_OK(Export());
+  EXPECT_NE(ply.find("<title>shelf</title>"), std::string::npos);
+  EXPECT_NE(ply.find(">20,000 Gaussians"), std::string::npos);
 }
 
 TEST_F(ExportTest, NamesTheSegmentsOfEachGaussian) {

@@ -123,7 +123,7 @@ TEST_F(FarOriginTest, ExportsInTheWorld) {
   }
 }
 
-// Neither format has doubles for positions.
+// None of these formats has doubles for positions.
 TEST_F(FarOriginTest, MovesTheNodeOfAGlb) {
   const std::string local = Export(true, v1::COORDINATES_LOCAL, v1::GAUSSIAN_FORMAT_GLB);
   EXPECT_TRUE(HasOrigin());
@@ -131,8 +131,11 @@ TEST_F(FarOriginTest, MovesTheNodeOfAGlb) {
   const std::string world = Export(true, v1::COORDINATES_WORLD, v1::GAUSSIAN_FORMAT_GLB);
   EXPECT_FALSE(header.has_origin());
   EXPECT_NE(world.find("\"translation\":[400000.0,-5300000.0,-100.0]"), std::string::npos);
-  Export(false, v1::COORDINATES_WORLD, v1::GAUSSIAN_FORMAT_SPZ);
-  EXPECT_TRUE(HasOrigin());
+  for (const auto format :
+       {v1::GAUSSIAN_FORMAT_SPZ, v1::GAUSSIAN_FORMAT_SOG, v1::GAUSSIAN_FORMAT_HTML}) {
+    Export(false, v1::COORDINATES_WORLD, format);
+    EXPECT_TRUE(HasOrigin());
+  }
 }
 
 // Viewers read doubles wrongly or not at all.

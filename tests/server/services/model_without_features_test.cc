@@ -63,7 +63,8 @@ TEST_F(ModelWithoutFeatures, IsExported) {
   v1::ExportGaussiansRequest request;
   request.set_model(kBare);
   for (const auto format :
-       {v1::GAUSSIAN_FORMAT_PLY, v1::GAUSSIAN_FORMAT_SPZ, v1::GAUSSIAN_FORMAT_GLB}) {
+       {v1::GAUSSIAN_FORMAT_PLY, v1::GAUSSIAN_FORMAT_SPZ, v1::GAUSSIAN_FORMAT_GLB,
+        v1::GAUSSIAN_FORMAT_SOG, v1::GAUSSIAN_FORMAT_HTML}) {
     request.set_format(format);
     EXPECT_OK(Export(request));
   }

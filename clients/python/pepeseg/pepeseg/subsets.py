@@ -125,6 +125,8 @@ FORMATS = {
     "ply": render_service_pb2.GAUSSIAN_FORMAT_PLY,
     "spz": render_service_pb2.GAUSSIAN_FORMAT_SPZ,
     "glb": render_service_pb2.GAUSSIAN_FORMAT_GLB,
+    "sog": render_service_pb2.GAUSSIAN_FORMAT_SOG,
+    "html": render_service_pb2.GAUSSIAN_FORMAT_HTML,
 }
 MESH_FORMATS = {
     "ply": render_service_pb2.MESH_FORMAT_PLY,
@@ -318,9 +320,10 @@ def export(
         origin: positions of a scene with map coordinates. "local": floats relative to an origin,
             which is in PATH.origin.json, in a comment of the PLY and in the result. "world": doubles,
             which many viewers read wrongly or not at all; a GLB has them as its node's translation,
-            an SPZ is always local.
-        format: "ply", "spz" or "glb"; None: what the path ends in, else "ply". The axes of the latter
-            two are those of glTF: x, -y, -z of the world.
+            an SPZ, an SOG and a page are always local.
+        format: "ply", "spz", "glb", "sog" or "html", a page that shows the Gaussians in a browser;
+            None: what the path ends in, else "ply". The axes of SPZ and GLB are those of glTF: x, -y,
+            -z of the world.
         segment_ids: add to each Gaussian of a PLY the ids of the segments that it is in, as the int
             properties segment_0, segment_1, ...; 0: in none. True: of `decompose()`; or its scales.
 

@@ -241,7 +241,9 @@ class TestDecompose:
         assert first.parent == 0 and len(first.min) == 3
         written = client.export(tmp_path / "first.ply", first)
         assert written.num_gaussians == first.num_gaussians
-        for name, start in (("first.glb", b"glTF"), ("first.spz", b"\x1f\x8b")):
+        starts = {"glb": b"glTF", "spz": b"\x1f\x8b", "sog": b"PK\3\4", "html": b"<!doctype html>"}
+        for ending, start in starts.items():
+            name = f"first.{ending}"
             assert client.export(tmp_path / name, first).num_gaussians == first.num_gaussians
             assert (tmp_path / name).read_bytes().startswith(start)
         assert client.export(tmp_path / "odd.glb", first, format="ply").sha256 == written.sha256
@@ -328,7 +330,8 @@ class TestSelect:
         assert whole.origin == (0, 0, 0)  # not map coordinates: no file with an origin
         with pytest.raises(pepeseg.InvalidArgumentError, match="local, world"):
             client.export(tmp_path / "all.ply", origin="here")
-        with pytest.raises(pepeseg.InvalidArgumentError, match='format "obj": one of ply, spz, glb is wanted'):
+        wanted = 'format "obj": one of ply, spz, glb, sog, html is wanted'
+        with pytest.raises(pepeseg.InvalidArgumentError, match=wanted):
             first.export(tmp_path / "all.obj", format="obj")
         assert sorted(p.name for p in tmp_path.iterdir()) == ["all.ply", "cup.ply", "rest.ply"]
 
