@@ -1,7 +1,7 @@
 // "Everything": all segments of a view at three levels.
 import type { Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
-import { noFindings, overlayIou, painted, picturesOf, shownInSplats, truthOf } from './on_screen';
+import { clickView, noFindings, overlayIou, painted, picturesOf, shownInSplats, truthOf } from './on_screen';
 import { numGaussians, saved } from './saved_files';
 
 /** Adds the tests. `shared` returns the page, with a scene that has a bunny book. */
@@ -103,6 +103,37 @@ export function testEverything(shared: () => { readonly page: Page }): void {
     await expect.poll(area).toBeGreaterThan(0);
     await page.keyboard.press('Escape');
     await expect.poll(area).toBe(0);
+    await page.keyboard.press('Escape');
+    await expect(layer(page)).toHaveAttribute('data-level', '');
+  });
+
+  test('a name that is entered before the mask is there is given', async () => {
+    const { page } = shared();
+    const named = page.locator('.things li', { hasText: 'Hasty' });
+    const nameAt = async (spot: readonly [number, number], how: 'click' | 'segment') => {
+      await clickView(page, spot);
+      if (how === 'click') await page.keyboard.press('l');
+      await expect(page.getByLabel('Name of the segment')).toBeFocused();
+      await page.keyboard.insertText('Hasty');
+      await page.keyboard.press('Enter');
+      await expect(named).toHaveCount(1);
+      await expect(page.locator('.picture')).toHaveAttribute('data-area', '0');
+      await page.locator('.picture').focus();
+      await page.keyboard.press('Control+z');
+      await expect(named).toHaveCount(0);
+      await page.keyboard.press('Escape');
+    };
+    // A server that takes a second for all but the stream: the other views are late.
+    await page.route('**/SegmentationService/SegmentViews', async (route) => {
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+      await route.continue();
+    });
+    const tissueBox = [0.65, 0.68] as const;
+    await nameAt(tissueBox, 'click');
+    await page.keyboard.press('g');
+    await expect(layer(page)).toHaveAttribute('data-level', '1', { timeout: 60_000 });
+    await nameAt(tissueBox, 'segment');
+    await page.unroute('**/SegmentationService/SegmentViews');
     await page.keyboard.press('Escape');
     await expect(layer(page)).toHaveAttribute('data-level', '');
   });
