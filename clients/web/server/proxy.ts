@@ -1,5 +1,6 @@
 // The RPCs that the app calls, forwarded to the server unchanged. Others cannot be reached through the
-// app; bytes have their own routes (upload.ts, ply.ts, picture.ts, photo.ts).
+// app; files have their own routes (upload.ts, ply.ts, mesh.ts, picture.ts, photo.ts). The zip of
+// annotations has none: its RPC reports progress.
 import type { DescMessage, MessageShape } from '@bufbuild/protobuf';
 import type { ConnectRouter, HandlerContext } from '@connectrpc/connect';
 import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';

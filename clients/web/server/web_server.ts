@@ -6,6 +6,7 @@ import { WebSocketServer } from 'ws';
 import type { BackEnd } from './back_end';
 import type { Config } from './config';
 import { refusal } from './guard';
+import { getMesh } from './mesh';
 import { getPhoto } from './photo';
 import { getPicture } from './picture';
 import { getPly } from './ply';
@@ -19,6 +20,7 @@ type Way = (backEnd: BackEnd, request: IncomingMessage, response: ServerResponse
 const ways: Record<string, Way> = {
   'PUT /api/file': putFile,
   'GET /api/ply': getPly,
+  'GET /api/mesh': getMesh,
   'GET /api/picture': getPicture,
   'GET /api/photo': getPhoto,
 };

@@ -4,7 +4,7 @@ import { createConnectTransport } from '@connectrpc/connect-web';
 import { DatasetService } from '../../gen/pepeseg/v1/dataset_service_pb';
 import { JobService } from '../../gen/pepeseg/v1/job_service_pb';
 import { LabelService } from '../../gen/pepeseg/v1/label_service_pb';
-import type { GaussianFormat } from '../../gen/pepeseg/v1/render_service_pb';
+import type { GaussianFormat, MeshFormat } from '../../gen/pepeseg/v1/render_service_pb';
 import { SceneService } from '../../gen/pepeseg/v1/scene_service_pb';
 import { SegmentationService } from '../../gen/pepeseg/v1/segmentation_service_pb';
 import { SelectionService } from '../../gen/pepeseg/v1/selection_service_pb';
@@ -89,4 +89,16 @@ export function plyUrl(model: string, options: PlyOptions = {}): string {
   const format = options.format?.toString();
   const of = { selection, segment: segment?.id.toString(), level: segment?.level.toString() };
   return `/api/ply?${query({ model, ...of, complement: complement ? '1' : '', format })}`;
+}
+
+export interface MeshOptions {
+  selection?: string;
+  format: MeshFormat;
+  /** Whether the surface is closed. */
+  watertight: boolean;
+}
+
+export function meshUrl(model: string, { selection, format, watertight }: MeshOptions): string {
+  const how = { format: format.toString(), watertight: watertight ? '1' : '' };
+  return `/api/mesh?${query({ model, selection, ...how })}`;
 }

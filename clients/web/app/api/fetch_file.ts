@@ -1,5 +1,6 @@
 // Fetches a file from the back end, and reports how far it is.
 import { Code, ConnectError } from '@connectrpc/connect';
+import { GrowingFile } from './growing_file';
 import { routeError } from './route_error';
 import { steadily } from './server_link';
 
@@ -8,9 +9,6 @@ export interface FetchWatch {
   readonly progress: (done: number, total: number) => void;
   readonly signal: AbortSignal;
 }
-
-/** Bytes that become a Blob at a time: browsers keep large Blobs on the disk, arrays in memory. */
-const pieceBytes = 16 << 20;
 
 async function answerFrom(url: string, signal: AbortSignal): Promise<Response> {
   const answer = await fetch(url, { signal });
@@ -26,34 +24,24 @@ function totalOf({ headers }: Response): number {
 
 async function bodyOf(answer: Response, { progress, signal }: FetchWatch): Promise<Blob> {
   const total = totalOf(answer);
-  const pieces: Blob[] = [];
-  let chunks: Uint8Array<ArrayBuffer>[] = [];
-  let done = 0;
-  let pending = 0;
+  const file = new GrowingFile();
   const reader = answer.body?.getReader();
   try {
     progress(0, total);
     for (let part = await reader?.read(); part && !part.done; part = await reader?.read()) {
-      chunks.push(part.value);
-      done += part.value.length;
-      pending += part.value.length;
-      if (pending >= pieceBytes) {
-        pieces.push(new Blob(chunks));
-        chunks = [];
-        pending = 0;
-      }
-      progress(done, total);
+      file.add(part.value);
+      progress(file.size, total);
     }
   } catch (error) {
     await reader?.cancel().catch(() => undefined);
     signal.throwIfAborted();
     const reason = error instanceof Error ? error.message : String(error);
-    throw new ConnectError(`the file was cut off after ${done} bytes: ${reason}`, Code.DataLoss);
+    throw new ConnectError(`the file was cut off after ${file.size} bytes: ${reason}`, Code.DataLoss);
   }
-  if (total > 0 && done !== total) {
-    throw new ConnectError(`the file has ${done} bytes instead of ${total}`, Code.DataLoss);
+  if (total > 0 && file.size !== total) {
+    throw new ConnectError(`the file has ${file.size} bytes instead of ${total}`, Code.DataLoss);
   }
-  return new Blob([...pieces, ...chunks], { type: 'application/octet-stream' });
+  return file.whole('application/octet-stream');
 }
 
 /**

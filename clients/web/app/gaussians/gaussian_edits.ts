@@ -41,6 +41,9 @@ export interface GaussianState {
   readonly numHidden: number;
 }
 
+/** Returns those of the model's Gaussians that are meant. */
+export type FindGaussians = (gaussians: GaussianPly) => Promise<GaussianSet>;
+
 const noGaussians: GaussianSet = new Uint8Array(0);
 const nothingEdited: Edits = {
   picked: noGaussians,
@@ -74,6 +77,8 @@ export class GaussianEdits {
   });
   private file: Blob | undefined;
   private loaded: Promise<void> | undefined;
+  /** Resolved when the picks so far are done. */
+  private picks: Promise<void> = Promise.resolve();
   /** What was before the faces of the crop box began to move. */
   private beforeMove: Edits | undefined;
   private readonly controller = new AbortController();
@@ -89,13 +94,14 @@ export class GaussianEdits {
     return (this.loaded ??= this.fetchGaussians());
   }
 
-  /** Picks Gaussians. `found` is called with the model's. */
-  async pick(found: (gaussians: GaussianPly) => GaussianSet, how: Combination): Promise<void> {
-    await this.load();
-    const { gaussians, edits } = this.state.get();
-    if (!gaussians) return;
-    const picked = combined(edits.picked, found(gaussians), how);
-    this.change('Pick', { picked, isAlone: edits.isAlone && sizeOfSet(picked) > 0 });
+  /**
+   * Picks Gaussians, after the picks before are done. `found` is called with the model's. Rejects with the
+   * error of `found`.
+   */
+  pick(found: FindGaussians, how: Combination): Promise<void> {
+    const picked = this.picks.then(() => this.pickNow(found, how));
+    this.picks = picked.catch(() => undefined);
+    return picked;
   }
 
   /** Leaves what is picked out of the view; it is no longer picked then. */
@@ -181,6 +187,16 @@ export class GaussianEdits {
   end(): void {
     this.controller.abort();
     this.work.end();
+  }
+
+  private async pickNow(found: FindGaussians, how: Combination): Promise<void> {
+    await this.load();
+    const { gaussians } = this.state.get();
+    if (!gaussians) return;
+    const set = await found(gaussians);
+    const { edits } = this.state.get();
+    const picked = combined(edits.picked, set, how);
+    this.change('Pick', { picked, isAlone: edits.isAlone && sizeOfSet(picked) > 0 });
   }
 
   private none(): GaussianSet {

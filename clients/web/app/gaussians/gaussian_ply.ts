@@ -1,5 +1,6 @@
 // PLY files of Gaussians as the server exports them: where the Gaussians are, and files of some of them.
 import type { GaussianSet } from './gaussian_set';
+import { inChunks } from './in_chunks';
 
 export interface GaussianPly {
   readonly count: number;
@@ -78,21 +79,25 @@ function reader(bytes: ArrayBuffer, header: Header, name: string): (index: numbe
     : (index) => view.getFloat32(index * stride + at, true);
 }
 
-function centersWith(bytes: ArrayBuffer, header: Header): Float32Array {
-  const centers = new Float32Array(3 * header.count);
-  for (const [axis, name] of ['x', 'y', 'z'].entries()) {
-    const read = reader(bytes, header, name);
-    for (let i = 0; i < header.count; ++i) centers[3 * i + axis] = read(i);
-  }
-  return centers;
+/** Returns a function that writes x, y, z of the Gaussians from `first` to before `last`. */
+function centerReader(bytes: ArrayBuffer, header: Header, to: Float32Array) {
+  const axes = ['x', 'y', 'z'].map((name) => reader(bytes, header, name));
+  return (first: number, last: number) => {
+    for (const [axis, read] of axes.entries()) {
+      for (let i = first; i < last; ++i) to[3 * i + axis] = read(i);
+    }
+  };
 }
 
 /** Returns x, y, z of each Gaussian of a PLY. Throws if it is not one. */
-export function centersOf(bytes: ArrayBuffer): Float32Array {
-  return centersWith(bytes, headerOf(bytes.slice(0, maxHeader)));
+export async function centersOf(bytes: ArrayBuffer): Promise<Float32Array> {
+  const header = headerOf(bytes.slice(0, maxHeader));
+  const centers = new Float32Array(3 * header.count);
+  await inChunks(header.count, centerReader(bytes, header, centers));
+  return centers;
 }
 
-/** Throws if the file is not a PLY of Gaussians. */
+/** Takes long for many Gaussians: call it in a worker. Throws if the file is not a PLY of Gaussians. */
 export function readGaussianPly(bytes: ArrayBuffer): GaussianPly {
   const header = headerOf(bytes.slice(0, maxHeader));
   const { count } = header;
@@ -104,7 +109,9 @@ export function readGaussianPly(bytes: ArrayBuffer): GaussianPly {
     sizes[i] = Math.exp(Math.max(a(i), b(i), c(i)));
     opacities[i] = 1 / (1 + Math.exp(-opacity(i)));
   }
-  return { count, centers: centersWith(bytes, header), sizes, opacities };
+  const centers = new Float32Array(3 * count);
+  centerReader(bytes, header, centers)(0, count);
+  return { count, centers, sizes, opacities };
 }
 
 /** Returns the PLY of the Gaussians that are in a set, whose records are those of `file`, byte for byte. */

@@ -73,9 +73,9 @@ export function usePicking(
     const sight = viewer.current?.sight();
     if (!sight) return;
     const inside = decodeRle(outlined(path, sight.width, sight.height));
-    void edits.pick((gaussians) => {
+    void edits.pick(async (gaussians) => {
       const drawn = viewer.current?.drawn() ?? new Uint8Array(gaussians.count);
-      const all = pickInside(gaussians, sight, inside, drawn);
+      const all = await pickInside(gaussians, sight, inside, drawn);
       return frontOnly ? inFrontOf(gaussians, sight, all, drawn) : all;
     }, how);
   };

@@ -1,4 +1,4 @@
-// Downloads: Gaussians, masks, COCO JSON.
+// Downloads: annotations, Gaussians, meshes, and masks of the segment.
 import type { JSX } from 'preact';
 import { useEffect, useMemo } from 'preact/hooks';
 import { GaussianFormat } from '../../gen/pepeseg/v1/render_service_pb';
@@ -9,14 +9,17 @@ import { fetchFile } from '../api/fetch_file';
 import { FailureNote } from '../components/failure_note';
 import { saveBlob, saveCoco, saveMasks } from '../mask/save_files';
 import { useStore } from '../store';
+import { AnnotationTools } from './annotation_tools';
+import type { SceneEverything } from './everything';
 import { ExportProgress } from './export_progress';
 import type { SceneLabels } from './labels';
+import { MeshTools } from './mesh_tools';
 import { sizeOf } from './prompt';
 import type { Watch } from './running_export';
 import { RunningExport } from './running_export';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
-import { masksOfThings, thingsOf } from './things';
+import { masksOfThings, thingOf } from './things';
 
 /** The files of Gaussians on offer. */
 const gaussianFiles = [
@@ -30,19 +33,19 @@ interface Props {
   session: SceneSession;
   selections: SceneSelections;
   labels: SceneLabels;
+  everything: SceneEverything;
   views: readonly View[];
 }
 
-export function DownloadTools(props: Props): JSX.Element {
-  const { sceneId, session, selections, labels, views } = props;
+/** Masks of the current segment in all views. */
+function SegmentFiles(props: Props & { running: RunningExport }): JSX.Element {
+  const { sceneId, session, labels, views, running } = props;
   const state = useStore(session.state);
-  const { selection } = useStore(selections.state);
   const named = useStore(labels.list);
-  const running = useMemo(() => new RunningExport(), [session]);
-  useEffect(() => () => running.cancel(), [running]);
-  const { step, failure } = useStore(running.state);
-  const things = thingsOf(named, state);
-  const segmented = (watch: Watch) => masksOfThings(session.model, things, session.views, watch);
+  const { step } = useStore(running.state);
+  const thing = thingOf(named, state);
+  const segmented = (watch: Watch) =>
+    masksOfThings(session.model, thing ? [thing] : [], session.views, watch);
   const savePngs = () =>
     running.run(async (steps) => {
       const found = await segmented(steps('Segmenting', 'masks'));
@@ -53,6 +56,29 @@ export function DownloadTools(props: Props): JSX.Element {
       const sizes = views.map((view) => ({ view: view.view, ...sizeOf(view) }));
       saveCoco(sceneId, sizes, await segmented(steps('Segmenting', 'masks')));
     });
+  const isOff = step !== undefined || !thing;
+  return (
+    <fieldset>
+      <legend>The segment in all photographs</legend>
+      <div class="downloads">
+        <button type="button" disabled={isOff} onClick={() => void savePngs()}>
+          Masks (PNG)
+        </button>
+        <button type="button" disabled={isOff} onClick={() => void saveJson()}>
+          COCO (JSON)
+        </button>
+      </div>
+      {!thing && <p class="quiet">Segment a thing first.</p>}
+    </fieldset>
+  );
+}
+
+export function DownloadTools(props: Props): JSX.Element {
+  const { sceneId, session, selections } = props;
+  const { selection } = useStore(selections.state);
+  const running = useMemo(() => new RunningExport(), [session]);
+  useEffect(() => () => running.cancel(), [running]);
+  const { step, failure } = useStore(running.state);
   const savePly = (name: string, part: PlyOptions) =>
     running.run(async (steps) => {
       const url = plyUrl(session.model, part);
@@ -69,32 +95,27 @@ export function DownloadTools(props: Props): JSX.Element {
         {`${title} (${word})`}
       </button>
     ));
-  const nothing = step !== undefined || things.length === 0;
-  const what =
-    named.length > 0
-      ? `of ${named.length} ${named.length === 1 ? 'label' : 'labels'}`
-      : 'of the segment';
-  const hint =
-    things.length > 0
-      ? `Masks and COCO: ${what}, in all ${views.length} views.`
-      : 'Masks and COCO: segment a thing first.';
   return (
     <section aria-labelledby="download-title">
       <h2 id="download-title">Download</h2>
       <ExportProgress running={running} />
-      <div class="downloads">
-        {gaussianButtons('Scene', sceneId)}
-        {selection &&
-          gaussianButtons('Selection', `${sceneId}-selection`, { selection: selection.name })}
-        <button type="button" disabled={nothing} onClick={() => void savePngs()}>
-          Masks (PNG)
-        </button>
-        <button type="button" disabled={nothing} onClick={() => void saveJson()}>
-          COCO (JSON)
-        </button>
-      </div>
-      <p class="quiet">{hint}</p>
       <FailureNote failure={failure} close={() => running.closeFailure()} />
+      <AnnotationTools {...props} model={session.model} running={running} />
+      <SegmentFiles {...props} running={running} />
+      <fieldset>
+        <legend>Gaussians</legend>
+        <div class="downloads">
+          {gaussianButtons('Scene', sceneId)}
+          {selection &&
+            gaussianButtons('Selection', `${sceneId}-selection`, { selection: selection.name })}
+        </div>
+      </fieldset>
+      <MeshTools
+        sceneId={sceneId}
+        model={session.model}
+        selection={selection?.name}
+        running={running}
+      />
     </section>
   );
 }

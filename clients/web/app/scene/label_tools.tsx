@@ -113,10 +113,13 @@ export function LabelTools(props: Props): JSX.Element {
   const list = useStore(labels.list);
   const numViews = useStore(labels.numViews);
   const [text, setText] = useState('');
+  /** Whether the name is entered, but not given yet. */
+  const [isEntered, setEntered] = useState(false);
   const [failure, setFailure] = useState<Failure>();
   // A name that was begun goes with its segment.
   useEffect(() => {
     if (!prompt) setText('');
+    setEntered(false);
   }, [prompt]);
   useEffect(() => {
     if (prompt?.kind !== 'label' || !answer || busy || looking) return;
@@ -132,10 +135,14 @@ export function LabelTools(props: Props): JSX.Element {
       setFailure(failureOf(error));
     }
   };
-  const name = (event: Event) => {
-    event.preventDefault();
+  // A name may be entered before the mask is there, and waits for it.
+  const isNamable = mask !== undefined || busy;
+  const isExact = prompt?.kind === 'mask' && prompt.isExact && prompt.place.view === shownView;
+  // An exact mask is final in its view, whatever the other views wait for.
+  const isLate = busy && !isExact;
+  const giveName = () => {
     const said = text.trim();
-    if (!mask || busy || said === '' || taken) return;
+    if (!mask || said === '' || taken) return;
     void run(async () => {
       try {
         await nameSegment(session, labels, said, mask);
@@ -145,29 +152,43 @@ export function LabelTools(props: Props): JSX.Element {
       }
     });
   };
+  useEffect(() => {
+    if (!isEntered || isLate) return;
+    setEntered(false);
+    giveName();
+  }, [isEntered, isLate]);
+  const enter = (event: Event) => {
+    event.preventDefault();
+    setEntered(true);
+  };
   return (
     <section aria-labelledby="things-title">
       <h2 id="things-title">Things</h2>
-      <form class="row" onSubmit={name}>
+      <form class="row" onSubmit={enter}>
         <input
           id="label-text"
           type="text"
           maxLength={200}
-          placeholder={mask ? 'Name this segment' : 'Segment a thing first'}
+          placeholder={isNamable ? 'Name this segment' : 'Segment a thing first'}
           aria-label="Name of the segment"
           value={text}
-          disabled={!mask}
+          disabled={!isNamable}
           aria-invalid={taken !== undefined}
           aria-describedby={taken && 'label-taken'}
           onInput={(event) => setText(event.currentTarget.value)}
         />
-        <button type="submit" disabled={!mask || busy || text.trim() === '' || taken !== undefined}>
+        <button type="submit" disabled={!isNamable || text.trim() === '' || taken !== undefined}>
           Name
         </button>
       </form>
       {taken && (
         <p class="hint" id="label-taken" role="status">
           There is a label “{labelName(taken)}” already: take another name, or delete that one.
+        </p>
+      )}
+      {isEntered && isLate && (
+        <p class="quiet late" role="status">
+          Waiting for the mask …
         </p>
       )}
       <FailureNote failure={failure} close={() => setFailure(undefined)} />

@@ -1,4 +1,4 @@
-// The things of a scene whose masks are exported, and their masks in every view.
+// The current segment as a thing whose masks are exported, and masks of things in every view.
 import type { Label } from '../../gen/pepeseg/v1/label_service_pb';
 import { lastId } from '../api/clients';
 import type { ViewMasks } from '../mask/coco';
@@ -23,24 +23,18 @@ export interface Thing {
   readonly samClicks?: SamClicks;
 }
 
-/** Returns the labels as things; without labels, the current segment. */
-export function thingsOf(
+/** Returns the current segment as a thing, by its label if it has one; undefined: there is none. */
+export function thingOf(
   labels: readonly Label[],
   state: Pick<SessionState, 'prompt' | 'granularity' | 'answer' | 'samClicks'>,
-): Thing[] {
-  if (labels.length > 0) {
-    return labels.map((label) => ({
-      id: lastId(label.name),
-      category: labelName(label),
-      prompt: { kind: 'label', label: label.name },
-      granularity: {},
-    }));
-  }
+): Thing | undefined {
   const { prompt, answer } = state;
-  if (!prompt || !answer) return [];
+  if (!prompt || !answer) return undefined;
+  const label = prompt.kind === 'label' && labels.find(({ name }) => name === prompt.label);
+  if (label) return { id: lastId(label.name), category: labelName(label), prompt, granularity: {} };
   const samClicks = isForSam(state) ? state.samClicks : 'off';
   const granularity = granularityElsewhere(state);
-  return [{ id: 'segment', category: 'segment', prompt, granularity, samClicks }];
+  return { id: 'segment', category: 'segment', prompt, granularity, samClicks };
 }
 
 /** Masks of a thing while they are made. */

@@ -50,7 +50,7 @@ export class MarkedSplats {
 
   /** Returns the Gaussians of a PLY. */
   static async of(fileBytes: ArrayBuffer, tint: Tint | undefined): Promise<MarkedSplats> {
-    const centers = centersOf(fileBytes);
+    const centers = await centersOf(fileBytes);
     const mesh = new SplatMesh({ fileBytes, fileType: SplatFileType.PLY });
     await mesh.initialized;
     if (tint) mesh.recolor = new Color(...tint);

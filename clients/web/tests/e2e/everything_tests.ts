@@ -1,7 +1,7 @@
 // "Everything": all segments of a view at three levels.
 import type { Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
-import { noFindings, overlayIou, picturesOf, shownInSplats, truthOf } from './on_screen';
+import { clickView, noFindings, overlayIou, painted, picturesOf, shownInSplats, truthOf } from './on_screen';
 import { numGaussians, saved } from './saved_files';
 
 /** Adds the tests. `shared` returns the page, with a scene that has a bunny book. */
@@ -42,11 +42,23 @@ export function testEverything(shared: () => { readonly page: Page }): void {
     const book = await truthOf(page, view, 114);
     const edges = await page.locator('.picture').boundingBox();
     if (!edges) throw new Error('no view on the screen');
-    // Next to the middle, where another thing may be in front.
-    const [x, y] = [book.inside[0] - 0.05, book.inside[1] + 0.1];
-    await page.mouse.move(edges.x + x * edges.width, edges.y + y * edges.height);
+    // Next to the middle, where another thing may be in front. Some pixels are in no segment.
+    const around = [
+      [-0.05, 0.1],
+      [0, 0.05],
+      [0.05, 0.1],
+      [-0.05, -0.05],
+    ] as const;
+    let numMoves = 0;
+    const nameAtNextSpot = async () => {
+      const [dx, dy] = around[numMoves++ % around.length] ?? around[0];
+      const [x, y] = [book.inside[0] + dx, book.inside[1] + dy];
+      await page.mouse.move(edges.x + x * edges.width, edges.y + y * edges.height);
+      await painted(page);
+      return (await page.locator('.segment-under').allInnerTexts()).join();
+    };
     // It has the name of the label whose mask it has.
-    await expect(page.locator('.segment-under')).toHaveText('Bunny book', { timeout: 60_000 });
+    await expect.poll(nameAtNextSpot, { timeout: 60_000 }).toBe('Bunny book');
     await expect(page.locator('.picture')).toHaveAttribute('data-area', '0');
     await page.mouse.down();
     await page.mouse.up();
@@ -80,12 +92,48 @@ export function testEverything(shared: () => { readonly page: Page }): void {
     const { page } = shared();
     const area = async () => Number(await page.locator('.picture').getAttribute('data-area'));
     await page.locator('.picture').focus();
-    await page.keyboard.press('ArrowLeft');
-    await expect(layer(page)).not.toHaveAttribute('data-under', '0');
+    const underNext = async () => {
+      await page.keyboard.press('ArrowLeft');
+      await painted(page);
+      return layer(page).getAttribute('data-under');
+    };
+    // Some pixels are in no segment.
+    await expect.poll(underNext).not.toBe('0');
     await page.keyboard.press('Enter');
     await expect.poll(area).toBeGreaterThan(0);
     await page.keyboard.press('Escape');
     await expect.poll(area).toBe(0);
+    await page.keyboard.press('Escape');
+    await expect(layer(page)).toHaveAttribute('data-level', '');
+  });
+
+  test('a name that is entered before the mask is there is given', async () => {
+    const { page } = shared();
+    const named = page.locator('.things li', { hasText: 'Hasty' });
+    const nameAt = async (spot: readonly [number, number], how: 'click' | 'segment') => {
+      await clickView(page, spot);
+      if (how === 'click') await page.keyboard.press('l');
+      await expect(page.getByLabel('Name of the segment')).toBeFocused();
+      await page.keyboard.insertText('Hasty');
+      await page.keyboard.press('Enter');
+      await expect(named).toHaveCount(1);
+      await expect(page.locator('.picture')).toHaveAttribute('data-area', '0');
+      await page.locator('.picture').focus();
+      await page.keyboard.press('Control+z');
+      await expect(named).toHaveCount(0);
+      await page.keyboard.press('Escape');
+    };
+    // A server that takes a second for all but the stream: the other views are late.
+    await page.route('**/SegmentationService/SegmentViews', async (route) => {
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+      await route.continue();
+    });
+    const tissueBox = [0.65, 0.68] as const;
+    await nameAt(tissueBox, 'click');
+    await page.keyboard.press('g');
+    await expect(layer(page)).toHaveAttribute('data-level', '1', { timeout: 60_000 });
+    await nameAt(tissueBox, 'segment');
+    await page.unroute('**/SegmentationService/SegmentViews');
     await page.keyboard.press('Escape');
     await expect(layer(page)).toHaveAttribute('data-level', '');
   });

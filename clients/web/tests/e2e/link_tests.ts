@@ -63,7 +63,7 @@ export function testLinks(shared: () => { readonly page: Page }): void {
     expect(difference(await pictureIn3d(page), first)).toBeLessThan(1);
     await page.keyboard.press('Escape');
     await page.keyboard.press('i');
-    expect(new URL(page.url()).searchParams.get('tool')).toBeNull();
+    await expect.poll(() => new URL(page.url()).searchParams.get('tool')).toBeNull();
   });
 
   test('the photographs’ cameras show their photographs, and a click goes there', async () => {

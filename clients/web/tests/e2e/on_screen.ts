@@ -216,17 +216,22 @@ export async function numSizes(page: Page): Promise<number> {
   return Number(count);
 }
 
+/** Waits until the page has painted what it changed. */
+export function painted(page: Page): Promise<void> {
+  return page.evaluate(
+    () =>
+      new Promise<void>((done) => {
+        requestAnimationFrame(() => setTimeout(() => requestAnimationFrame(() => done()), 50));
+      }),
+  );
+}
+
 /** Moves the size slider to a size, the smallest of which is 0, and waits until it is shown. */
 export async function chooseSize(page: Page, index: number): Promise<void> {
   await page.getByLabel('Size', { exact: true }).fill(String(index));
   await expect(page.locator('output[for=size]')).toHaveText(new RegExp(`^${index + 1} of`));
   // The masks are painted after the frame that has the text.
-  await page.evaluate(
-    () =>
-      new Promise<void>((painted) => {
-        requestAnimationFrame(() => setTimeout(() => requestAnimationFrame(() => painted()), 50));
-      }),
-  );
+  await painted(page);
 }
 
 /** Measures the answers a second while the scale is dragged back and forth for four seconds. */

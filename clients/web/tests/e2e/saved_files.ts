@@ -3,6 +3,7 @@ import { cpSync, mkdtempSync, readFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import type { Locator, Page } from '@playwright/test';
+import { strFromU8, unzipSync } from 'fflate';
 import { shelf } from './stack';
 
 /** Clicks on `link` and returns the path of the saved file. */
@@ -19,12 +20,24 @@ export function numGaussians(ply: string): number {
 
 export interface Coco {
   images: unknown[];
-  categories: { name: string }[];
-  annotations: { image_id: number; area: number }[];
+  categories: { id: number; name: string }[];
+  annotations: { image_id: number; category_id: number; area: number }[];
 }
 
 export function readCoco(file: string): Coco {
   return JSON.parse(readFileSync(file, 'utf8')) as Coco;
+}
+
+/** Returns the files of a zip, by their paths. */
+export function unzipped(zip: string): ReadonlyMap<string, Uint8Array> {
+  return new Map(Object.entries(unzipSync(readFileSync(zip))));
+}
+
+/** Returns a file of a zip as text; fails if it is not there. */
+export function textIn(files: ReadonlyMap<string, Uint8Array>, path: string): string {
+  const bytes = files.get(path);
+  if (!bytes) throw new Error(`no ${path} among ${[...files.keys()].join(', ')}`);
+  return strFromU8(bytes);
 }
 
 /** Makes a folder with the shelf's photographs, and Gaussians in place of a reconstruction. */

@@ -60,22 +60,36 @@ test('Gaussians are loaded once, when something is picked', async () => {
   const edits = await newEdits();
   expect(asked).toEqual([]);
   await Promise.all([
-    edits.pick(() => Uint8Array.of(1, 1, 0, 0), 'replace'),
-    edits.pick(() => Uint8Array.of(0, 1, 1, 0), 'subtract'),
+    edits.pick(async () => Uint8Array.of(1, 1, 0, 0), 'replace'),
+    edits.pick(async () => Uint8Array.of(0, 1, 1, 0), 'subtract'),
   ]);
   expect(asked).toEqual(['/api/ply?model=scenes%2Fshelf%2Fmodels%2F1']);
   const { edits: edited, numPicked, loading } = edits.state.get();
   expect([indices(edited.picked), numPicked, loading]).toEqual([[0], 1, undefined]);
 });
 
+test('picks are made one after the other, whatever each takes', async () => {
+  const edits = await newEdits();
+  const slow = async () => {
+    await new Promise((resolve) => setTimeout(resolve, 20));
+    return Uint8Array.of(1, 1, 0, 0);
+  };
+  await Promise.all([
+    edits.pick(slow, 'replace'),
+    expect(edits.pick(() => Promise.reject(new Error('no sight')), 'add')).rejects.toThrow('no sight'),
+    edits.pick(async () => Uint8Array.of(0, 0, 0, 1), 'add'),
+  ]);
+  expect(indices(edits.state.get().edits.picked)).toEqual([0, 1, 3]);
+});
+
 test('what is hidden is no longer picked, and comes back', async () => {
   const edits = await newEdits();
-  await edits.pick(() => Uint8Array.of(0, 1, 0, 0), 'replace');
+  await edits.pick(async () => Uint8Array.of(0, 1, 0, 0), 'replace');
   edits.showAlone(true);
   expect(await unseen(edits)).toEqual([0, 2, 3]);
   edits.hidePicked();
   expect(await unseen(edits), 'all others are seen again').toEqual([1]);
-  await edits.pick(() => Uint8Array.of(0, 0, 0, 1), 'replace');
+  await edits.pick(async () => Uint8Array.of(0, 0, 0, 1), 'replace');
   edits.hidePicked();
   expect([edits.state.get().numHidden, edits.state.get().numPicked]).toEqual([2, 0]);
   edits.hidePicked();
@@ -86,9 +100,9 @@ test('what is hidden is no longer picked, and comes back', async () => {
 
 test('with nothing picked, nothing is shown alone', async () => {
   const edits = await newEdits();
-  await edits.pick(() => Uint8Array.of(0, 1, 0, 0), 'replace');
+  await edits.pick(async () => Uint8Array.of(0, 1, 0, 0), 'replace');
   edits.showAlone(true);
-  await edits.pick(() => Uint8Array.of(0, 1, 0, 0), 'subtract');
+  await edits.pick(async () => Uint8Array.of(0, 1, 0, 0), 'subtract');
   expect(await unseen(edits)).toEqual([]);
 });
 
@@ -106,7 +120,7 @@ test('a refused file is a failure, after which it is asked for again', async () 
 
 test('the crop box cuts off what is outside, next to what is hidden', async () => {
   const edits = await newEdits();
-  await edits.pick(() => Uint8Array.of(0, 1, 0, 0), 'replace');
+  await edits.pick(async () => Uint8Array.of(0, 1, 0, 0), 'replace');
   edits.hidePicked();
   await edits.turnCrop(true);
   edits.cropTo({ min: [0.5, -1, -1], max: [9, 1, 1] });
@@ -131,7 +145,7 @@ test('floaters are picked, but for those that are hidden, and hidden when the pe
 
 test('each change is undone and done again, a drag of the crop box as one', async () => {
   const edits = await newEdits();
-  await edits.pick(() => Uint8Array.of(1, 1, 0, 0), 'replace');
+  await edits.pick(async () => Uint8Array.of(1, 1, 0, 0), 'replace');
   edits.hidePicked();
   await edits.turnCrop(true);
   const { crop } = edits.state.get().edits;

@@ -4,6 +4,7 @@ import { PerspectiveCamera, Matrix4 } from 'three';
 import { centersOf, indicesIn, plyOf, readGaussianPly } from '../../app/gaussians/gaussian_ply';
 import { combined, complementOf, sizeOfSet } from '../../app/gaussians/gaussian_set';
 import type { Sight } from '../../app/gaussians/pick';
+import { inChunks } from '../../app/gaussians/in_chunks';
 import { inFrontOf, pickInside } from '../../app/gaussians/pick';
 import { outlined } from '../../app/mask/edit_mask';
 import { decodeRle } from '../../app/mask/rle';
@@ -29,7 +30,7 @@ for (const isDouble of [false, true]) {
     const whole = plyWith(three, isDouble);
     const part = await (await plyOf(new Blob([whole]), Uint8Array.of(1, 0, 1))).arrayBuffer();
     const [a, , c] = three as [Gaussian, Gaussian, Gaussian];
-    expect([...centersOf(part)]).toEqual([...a.center, ...c.center]);
+    expect([...(await centersOf(part))]).toEqual([...a.center, ...c.center]);
     const text = Buffer.from(part).toString('latin1');
     expect(text).toContain('element vertex 2\n');
     const records = Buffer.from(whole).subarray(-3 * (isDouble ? 44 : 32));
@@ -42,7 +43,7 @@ for (const isDouble of [false, true]) {
 test('a large PLY keeps its order over the pieces in which it is copied', async () => {
   const many = Array.from({ length: 40_000 }, (_, i): Gaussian => ({ center: [i, 0, 0] }));
   const odd = new Uint8Array(many.length).map((_, i) => i % 2);
-  const part = centersOf(await (await plyOf(new Blob([plyWith(many)]), odd)).arrayBuffer());
+  const part = await centersOf(await (await plyOf(new Blob([plyWith(many)]), odd)).arrayBuffer());
   expect(part).toHaveLength(3 * 20_000);
   expect([part[0], part[3 * 9000], part[3 * 19_999]]).toEqual([1, 18_001, 39_999]);
 });
@@ -78,7 +79,7 @@ function sightOf(width: number, height: number): Sight {
   return { matrix: matrix.elements, width, height };
 }
 
-test('what is inside the outline is picked through the depth, but not behind the camera', () => {
+test('what is inside the outline is picked through the depth, but not behind the camera', async () => {
   const gaussians = readGaussianPly(
     plyWith([
       { center: [0, 0, -1] },
@@ -94,17 +95,17 @@ test('what is inside the outline is picked through the depth, but not behind the
   const inside = (...corners: [number, number][]) =>
     decodeRle(outlined(corners.map(([x, y]) => ({ x, y })), 100, 100));
   const middle = inside([40, 40], [60, 40], [60, 60], [40, 60]);
-  expect([...pickInside(gaussians, sight, middle, all)]).toEqual([1, 1, 0, 0, 0, 0]);
+  expect([...(await pickInside(gaussians, sight, middle, all))]).toEqual([1, 1, 0, 0, 0, 0]);
   // y of the screen goes down: the fifth is above the middle, at 20.
   const upper = inside([50, 10], [60, 30], [40, 30]);
-  expect([...pickInside(gaussians, sight, upper, all)]).toEqual([0, 0, 0, 0, 1, 0]);
+  expect([...(await pickInside(gaussians, sight, upper, all))]).toEqual([0, 0, 0, 0, 1, 0]);
   const right = inside([90, 40], [300, 40], [300, 60], [90, 60]);
-  expect([...pickInside(gaussians, sight, right, all)]).toEqual([0, 0, 0, 1, 0, 0]);
+  expect([...(await pickInside(gaussians, sight, right, all))]).toEqual([0, 0, 0, 1, 0, 0]);
   const some = Uint8Array.of(0, 1, 1, 1, 1, 1);
-  expect([...pickInside(gaussians, sight, middle, some)]).toEqual([0, 1, 0, 0, 0, 0]);
+  expect([...(await pickInside(gaussians, sight, middle, some))]).toEqual([0, 1, 0, 0, 0, 0]);
 });
 
-test('in front is what is at most a twentieth behind the nearest opaque Gaussian', () => {
+test('in front is what is at most a twentieth behind the nearest opaque Gaussian', async () => {
   const gaussians = readGaussianPly(
     plyWith([
       { center: [0, 0, -0.5], opacity: 0.1 },
@@ -115,8 +116,37 @@ test('in front is what is at most a twentieth behind the nearest opaque Gaussian
     ]),
   );
   const all = new Uint8Array(5).fill(1);
-  expect([...inFrontOf(gaussians, sightOf(100, 100), all, all)]).toEqual([1, 1, 1, 0, 1]);
+  expect([...(await inFrontOf(gaussians, sightOf(100, 100), all, all))]).toEqual([1, 1, 1, 0, 1]);
   // What is not shown hides nothing.
   const shown = Uint8Array.of(0, 0, 0, 1, 1);
-  expect([...inFrontOf(gaussians, sightOf(100, 100), shown, shown)]).toEqual([0, 0, 0, 1, 1]);
+  expect([...(await inFrontOf(gaussians, sightOf(100, 100), shown, shown))]).toEqual([0, 0, 0, 1, 1]);
+});
+
+test('work in chunks covers all Gaussians in their order, and lets other tasks run in between', async () => {
+  const count = 200_000;
+  let next = 0;
+  let time = 0;
+  let numTurns = 0;
+  const others = setInterval(() => (numTurns += 1), 0);
+  await inChunks(
+    count,
+    (first, last) => {
+      expect(first).toBe(next);
+      next = last;
+      time += 15;
+      // A busy thread: a timer is due at each turn.
+      for (const end = performance.now() + 2; performance.now() < end;);
+    },
+    () => time,
+  );
+  clearInterval(others);
+  expect(next).toBe(count);
+  // 13 chunks of 15 ms, and a turn after each 40 ms.
+  expect(numTurns).toBeGreaterThanOrEqual(3);
+
+  numTurns = 0;
+  const none = setInterval(() => (numTurns += 1), 0);
+  await inChunks(count, () => undefined, () => 0);
+  clearInterval(none);
+  expect(numTurns, 'quick work takes no turns').toBe(0);
 });

@@ -45,13 +45,20 @@ test.afterEach(() => {
   Reflect.deleteProperty(globalThis, 'window');
 });
 
+const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
+
 async function exported(
   progress: (done: number, total: number) => void = () => undefined,
   inViews: readonly string[] = views,
 ) {
-  const { masksOfThings, thingsOf } = await import('../../app/scene/things');
+  const { masksOfThings, thingOf } = await import('../../app/scene/things');
   const { nothingAsked } = await import('../../app/scene/session_state');
-  const things = thingsOf(labels, nothingAsked);
+  const things = labels.map(({ name: label }) => {
+    const state = { ...nothingAsked, prompt: { kind: 'label', label } as const, answer };
+    const thing = thingOf(labels, state);
+    if (!thing) throw new Error('a label is a thing');
+    return thing;
+  });
   const { signal } = new AbortController();
   return masksOfThings(model, things, inViews, { progress, signal });
 }
@@ -112,30 +119,30 @@ test('an export with SAM keeps to the server’s limit of 100 views per request'
   expect(segment?.masks.map(({ view }) => view)).toEqual(many);
 });
 
-test('without labels the shown segment is exported, at its scale and threshold', async () => {
-  const { thingsOf } = await import('../../app/scene/things');
+test('the shown segment is exported, at its scale and threshold', async () => {
+  const { thingOf } = await import('../../app/scene/things');
   const prompt = {
     kind: 'box',
     place: { view: 'a.jpg' },
     box: { x: 0, y: 0, width: 1, height: 1 },
   };
-  const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
   const asked = { prompt: prompt as never, granularity: { scale: 0.9 }, answer };
   const state = { ...asked, samClicks: 'on' as const };
   const thing = { id: 'segment', category: 'segment', prompt, samClicks: 'off' };
-  expect(thingsOf([], state)).toEqual([
-    { ...thing, granularity: { scale: 0.9, threshold: 0.7 } },
-  ]);
-  expect(thingsOf([], { ...state, answer: undefined })).toEqual([]);
+  const expected = { ...thing, granularity: { scale: 0.9, threshold: 0.7 } };
+  expect(thingOf([], state)).toEqual(expected);
+  expect(thingOf(labels, state), 'whatever else has a name').toEqual(expected);
+  expect(thingOf([], { ...state, answer: undefined })).toBeUndefined();
 });
 
 test('a segment that SAM has answered is exported as SAM answers it', async () => {
-  const { masksOfThings, thingsOf } = await import('../../app/scene/things');
+  const { masksOfThings, thingOf } = await import('../../app/scene/things');
   hasSam = true;
   const points = [{ x: 0, y: 0, negative: false }];
   const prompt = { kind: 'points', place: { view: 'a.jpg' }, points } as const;
-  const answer = { masks: new Map(), scale: 0.4, scaleUnits: 1, threshold: 0.7, computeMs: 1 };
-  const things = thingsOf([], { prompt, granularity: {}, answer, samClicks: 'on' });
+  const thing = thingOf([], { prompt, granularity: {}, answer, samClicks: 'on' });
+  if (!thing) throw new Error('the segment is a thing');
+  const things = [thing];
   const { signal } = new AbortController();
   await masksOfThings(model, things, views, { progress: () => undefined, signal });
   expect(asked.length).toBeGreaterThan(1);
