@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # splat-transform takes the scales of a SOG for natural logarithms, where the format's description says scene units.
 #
-# @playcanvas/splat-transform 3.7.0 (npm), SOG version 2. The description is docs/user-manual/gaussian-splatting/
-# formats/sog.md of github.com/playcanvas/developer-site, read as of commit 54a314b; a later text was not at hand.
+# @playcanvas/splat-transform 3.7.0 (npm), SOG version 2. The description is the page on SOG in the user manual of
+# github.com/playcanvas/developer-site, read as of commit 54a314b; a later text was not at hand.
 #
 #   subject    what the description leads one to expect         what was seen
 #   scales     the codebook is in scene units: an entry of      the entry is ln(scale) already: scale_0 is 0.25, which

@@ -26,6 +26,8 @@ const gaussianFiles = [
   { word: 'PLY', ending: 'ply', format: GaussianFormat.PLY },
   { word: 'SPZ', ending: 'spz', format: GaussianFormat.SPZ },
   { word: 'glTF', ending: 'glb', format: GaussianFormat.GLB },
+  { word: 'SOG', ending: 'sog', format: GaussianFormat.SOG },
+  { word: 'web page', ending: 'html', format: GaussianFormat.HTML },
 ];
 
 interface Props {

@@ -158,6 +158,12 @@ export function testExports(shared: () => LabelledScene): void {
     expect(readFileSync(glb).subarray(0, 4).toString('latin1')).toBe('glTF');
     const spz = await saved(page, page.getByRole('button', { name: 'Scene (SPZ)' }));
     expect(gunzipSync(readFileSync(spz)).subarray(0, 4).toString('latin1')).toBe('NGSP');
+    const sog = await saved(page, page.getByRole('button', { name: 'Scene (SOG)' }));
+    expect(readFileSync(sog).subarray(0, 2).toString('latin1')).toBe('PK');
+    const html = await saved(page, page.getByRole('button', { name: 'Scene (web page)' }));
+    expect(readFileSync(html).subarray(0, 15).toString('latin1').toLowerCase()).toBe(
+      '<!doctype html>',
+    );
 
     const plyMesh = await saved(page, page.getByRole('button', { name: 'Scene mesh (PLY)' }));
     const head = readFileSync(plyMesh).subarray(0, 600).toString('latin1');
