@@ -2,7 +2,12 @@
 
 #include <meshoptimizer.h>
 
+#include <algorithm>
+#include <array>
+#include <compare>
+#include <cstddef>
 #include <limits>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -14,21 +19,71 @@ namespace {
 // Memory of meshoptimizer 0.18, with the new vertices and triangles.
 constexpr int64_t kBytesOfVertex = 160, kBytesOfTriangle = 96;
 
-// Removes the vertices that no triangle has.
-void DropUnused(TriangleMesh& mesh) {
-  constexpr uint32_t kUnused = std::numeric_limits<uint32_t>::max();
-  std::vector<uint32_t> index(mesh.positions.size(), kUnused);
-  uint32_t count = 0;
+// The corners of triangles that share a vertex: corner 3 t + k is vertex k of triangle t.
+class Corners {
+ public:
+  explicit Corners(size_t num_triangles) : parent_(3 * num_triangles) {
+    std::iota(parent_.begin(), parent_.end(), 0u);
+  }
+  uint32_t Find(uint32_t corner) {
+    while (parent_[corner] != corner) corner = parent_[corner] = parent_[parent_[corner]];
+    return corner;
+  }
+  void Join(uint32_t a, uint32_t b) { parent_[Find(a)] = Find(b); }
+
+ private:
+  std::vector<uint32_t> parent_;
+};
+
+// One side of a triangle, from corner `from` to corner `to`.
+struct Side {
+  uint32_t low, high;  // its vertices
+  bool is_up;          // from low to high
+  uint32_t from, to;
+  friend auto operator<=>(const Side&, const Side&) = default;
+};
+
+// Gives each fan of triangles around a vertex a vertex of its own, and drops vertices that no
+// triangle has. Merging can make two sheets touch in an edge or a vertex, which they share then, so
+// that the edge has four triangles: here each pair gets its own edge, in the same place (Guéziec et
+// al., "Cutting and Stitching", 2001).
+void SeparateSheets(TriangleMesh& mesh) {
+  std::vector<Side> sides;
+  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (uint32_t k = 0; k < 3; ++k) {
+      const uint32_t from = 3 * t + k, to = 3 * t + (k + 1) % 3;
+      const uint32_t a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
+      sides.push_back({std::min(a, b), std::max(a, b), a < b, from, to});
+    }
+  }
+  std::sort(sides.begin(), sides.end());
+  Corners corners(mesh.triangles.size());
+  for (size_t begin = 0, end = 0; begin < sides.size(); begin = end) {
+    size_t up = begin;
+    while (end < sides.size() && sides[end].low == sides[begin].low &&
+           sides[end].high == sides[begin].high) {
+      up += sides[end++].is_up ? 0 : 1;
+    }
+    // Sides down come first. A side of one direction is joined with one of the other.
+    for (size_t i = begin, j = up; i < up && j < end; ++i, ++j) {
+      corners.Join(sides[i].from, sides[j].to);
+      corners.Join(sides[i].to, sides[j].from);
+    }
+  }
+  constexpr uint32_t kNone = std::numeric_limits<uint32_t>::max();
+  std::vector<uint32_t> index(3 * mesh.triangles.size(), kNone);  // by the root of a vertex
   std::vector<Eigen::Vector3f> positions;
   std::vector<std::array<uint8_t, 3>> colors;
-  for (auto& triangle : mesh.triangles) {
-    for (uint32_t& vertex : triangle) {
-      if (index[vertex] == kUnused) {
-        index[vertex] = count++;
+  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (uint32_t k = 0; k < 3; ++k) {
+      uint32_t& vertex = mesh.triangles[t][k];
+      uint32_t& to = index[corners.Find(3 * t + k)];
+      if (to == kNone) {
+        to = static_cast<uint32_t>(positions.size());
         positions.push_back(mesh.positions[vertex]);
         colors.push_back(mesh.colors[vertex]);
       }
-      vertex = index[vertex];
+      vertex = to;
     }
   }
   mesh.positions = std::move(positions);
@@ -53,7 +108,7 @@ void Simplify(int64_t max_triangles, TriangleMesh& mesh) {
       3 * static_cast<size_t>(max_triangles), kAnyError, /*options=*/0, nullptr);
   fewer.resize(left / 3);
   mesh.triangles = std::move(fewer);
-  DropUnused(mesh);
+  SeparateSheets(mesh);
   SetNormals(mesh);
 }
 

@@ -66,6 +66,29 @@ TEST(Simplify, KeepsABallClosedAndRound) {
   }
 }
 
+// Two balls of one mesh that share an edge: four triangles meet in it.
+TEST(Simplify, GivesSheetsThatTouchTheirOwnVertices) {
+  TriangleMesh mesh = Ball(20, 20), other = Ball(20, 20);
+  const auto first = static_cast<uint32_t>(mesh.positions.size());
+  for (const Eigen::Vector3f& at : other.positions) mesh.positions.push_back(at.array() + 3);
+  mesh.colors.insert(mesh.colors.end(), other.colors.begin(), other.colors.end());
+  for (auto triangle : other.triangles) {
+    for (uint32_t& vertex : triangle) {
+      vertex += first;
+      // The pole of one ball, and a vertex next to it, are those of the other.
+      if (vertex == first || vertex == first + 1) vertex -= first;
+    }
+    mesh.triangles.push_back(triangle);
+  }
+  ASSERT_FALSE(testing::ShapeOf(mesh).is_closed);
+  const int64_t before = mesh.num_triangles();
+  Simplify(before - 2, mesh);
+  EXPECT_LE(mesh.num_triangles(), before - 2);
+  const testing::MeshShape shape = testing::ShapeOf(mesh);
+  EXPECT_TRUE(shape.is_closed);
+  EXPECT_EQ(shape.euler, 4);
+}
+
 TEST(Simplify, KeepsTheBorderOfAnOpenMesh) {
   TriangleMesh mesh = Ball(40, 40);
   std::erase_if(mesh.triangles,
