@@ -89,6 +89,38 @@ TEST(Simplify, GivesSheetsThatTouchTheirOwnVertices) {
   EXPECT_EQ(shape.euler, 4);
 }
 
+// Merged this far, thin rings have two edges between the same two vertices.
+TEST(Simplify, KeepsManyThinRingsClosed) {
+  constexpr int kRings = 40, kAround = 24, kAcross = 6;
+  TriangleMesh mesh;
+  for (int ring = 0; ring < kRings; ++ring) {
+    const auto first = static_cast<uint32_t>(mesh.positions.size());
+    for (int i = 0; i < kAround; ++i) {
+      for (int j = 0; j < kAcross; ++j) {
+        const double a = 2 * std::numbers::pi * i / kAround, b = 2 * std::numbers::pi * j / kAcross;
+        const double radius = 1 + 0.05 * std::cos(b) * (1 + 0.1 * (ring % 7));
+        mesh.positions.emplace_back(3 * ring + radius * std::cos(a), radius * std::sin(a),
+                                    0.05 * std::sin(b));
+        mesh.colors.push_back({1, 2, 3});
+        const auto at = [&](int k, int l) {
+          return first + static_cast<uint32_t>((k % kAround) * kAcross + l % kAcross);
+        };
+        mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i, j + 1)});
+        mesh.triangles.push_back({at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)});
+      }
+    }
+  }
+  ASSERT_TRUE(testing::ShapeOf(mesh).is_closed);
+  for (const int64_t most : {4000, 1000, 400}) {
+    TriangleMesh merged = mesh;
+    Simplify(most, merged);
+    EXPECT_LT(merged.num_triangles(), mesh.num_triangles() / 2);
+    EXPECT_TRUE(testing::ShapeOf(merged).is_closed) << most;
+    EXPECT_EQ(merged.colors.size(), merged.positions.size());
+    EXPECT_EQ(merged.normals.size(), merged.positions.size());
+  }
+}
+
 TEST(Simplify, KeepsTheBorderOfAnOpenMesh) {
   TriangleMesh mesh = Ball(40, 40);
   std::erase_if(mesh.triangles,
