@@ -1,6 +1,6 @@
 // Drawing over the 3D view: a box or a free outline, which picks the Gaussians inside. Positions are pixels
 // of the screen from the view's corner.
-import { useEffect, useState } from 'preact/hooks';
+import { useEffect, useLayoutEffect, useState } from 'preact/hooks';
 import { outlined } from '../mask/edit_mask';
 import { decodeRle } from '../mask/rle';
 import type { SplatViewer } from '../viewer/splat_viewer';
@@ -61,10 +61,11 @@ export function usePicking(
 ) {
   const [drawing, setDrawing] = useState<Drawing>();
   const draws = drag !== 'turn';
+  // Before the next event, which may begin something with the new tool.
+  useLayoutEffect(() => setDrawing(undefined), [edits, drag]);
   useEffect(() => {
-    setDrawing(undefined);
     if (draws) void edits.load();
-  }, [edits, drag]);
+  }, [edits, draws]);
   const outline = drawing && drag === 'box' && drawing.path.length === 2
     ? cornersOf(...(drawing.path as [Spot, Spot]))
     : (drawing?.path ?? []);
