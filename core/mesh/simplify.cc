@@ -7,10 +7,10 @@
 #include <compare>
 #include <cstddef>
 #include <limits>
-#include <numeric>
 #include <utility>
 #include <vector>
 
+#include "core/base/disjoint_sets.h"
 #include "core/mesh/surface.h"
 
 namespace pepeseg {
@@ -19,23 +19,8 @@ namespace {
 // Memory of meshoptimizer 0.18, with the new vertices and triangles.
 constexpr int64_t kBytesOfVertex = 160, kBytesOfTriangle = 96;
 
-// The corners of triangles that share a vertex: corner 3 t + k is vertex k of triangle t.
-class Corners {
- public:
-  explicit Corners(size_t num_triangles) : parent_(3 * num_triangles) {
-    std::iota(parent_.begin(), parent_.end(), 0u);
-  }
-  uint32_t Find(uint32_t corner) {
-    while (parent_[corner] != corner) corner = parent_[corner] = parent_[parent_[corner]];
-    return corner;
-  }
-  void Join(uint32_t a, uint32_t b) { parent_[Find(a)] = Find(b); }
-
- private:
-  std::vector<uint32_t> parent_;
-};
-
-// One side of a triangle, from corner `from` to corner `to`.
+// One side of a triangle, from corner `from` to corner `to`: corner 3 t + k is vertex k of triangle
+// t.
 struct Side {
   uint32_t low, high;  // its vertices
   bool is_up;          // from low to high
@@ -47,6 +32,7 @@ struct Side {
 // go down.
 std::vector<Side> SidesOf(const TriangleMesh& mesh) {
   std::vector<Side> sides;
+  sides.reserve(3 * mesh.triangles.size());
   for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
     for (uint32_t k = 0; k < 3; ++k) {
       const uint32_t from = 3 * t + k, to = 3 * t + (k + 1) % 3;
@@ -79,7 +65,7 @@ void VisitPairs(const std::vector<Side>& sides, const Visit& visit) {
 // here each pair of triangles gets its own edge, in the same place (Guéziec et al., "Cutting and
 // Stitching", 2001).
 void SeparateSheets(TriangleMesh& mesh) {
-  Corners corners(mesh.triangles.size());
+  DisjointSets corners(3 * mesh.triangles.size());  // of one vertex
   VisitPairs(SidesOf(mesh), [&corners](const Side& down, const Side& up, size_t) {
     corners.Join(down.from, up.to);
     corners.Join(down.to, up.from);

@@ -2,8 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <numeric>
 #include <utility>
+
+#include "core/base/disjoint_sets.h"
 
 namespace pepeseg {
 namespace {
@@ -13,15 +14,6 @@ constexpr float kSmoothingShare = 0.5f;  // of the way to the neighbours' mean
 constexpr uint8_t kNoColor = 128;
 constexpr int kColorSteps = 200;  // edges that colours travel
 constexpr uint32_t kDropped = UINT32_MAX;
-
-// Returns the representative of a vertex's part, and halves the path to it.
-uint32_t RootOf(uint32_t vertex, std::vector<uint32_t>& parents) {
-  while (parents[vertex] != vertex) {
-    parents[vertex] = parents[parents[vertex]];
-    vertex = parents[vertex];
-  }
-  return vertex;
-}
 
 // Moves the elements with a new index to it and drops the others. New indices ascend.
 template <typename T>
@@ -54,24 +46,21 @@ int64_t BytesOfTriangles(const TriangleMesh& mesh) {
 
 void DropIslands(double min_share, Surface& surface) {
   TriangleMesh& mesh = surface.mesh;
-  std::vector<uint32_t> parents(static_cast<size_t>(mesh.num_vertices()));
-  std::iota(parents.begin(), parents.end(), 0u);
+  const auto num_vertices = static_cast<size_t>(mesh.num_vertices());
+  DisjointSets parts(num_vertices);
   for (const std::array<uint32_t, 3>& triangle : mesh.triangles) {
-    for (int i = 1; i < 3; ++i) {
-      const uint32_t a = RootOf(triangle[0], parents), b = RootOf(triangle[i], parents);
-      parents[std::max(a, b)] = std::min(a, b);
-    }
+    for (int i = 1; i < 3; ++i) parts.Join(triangle[0], triangle[i]);
   }
-  std::vector<int64_t> sizes(parents.size());  // triangles, by representative
+  std::vector<int64_t> sizes(num_vertices);  // triangles, by representative
   for (const std::array<uint32_t, 3>& triangle : mesh.triangles) {
-    ++sizes[RootOf(triangle[0], parents)];
+    ++sizes[parts.Find(triangle[0])];
   }
   const int64_t largest = sizes.empty() ? 0 : *std::ranges::max_element(sizes);
   const double least = std::max(1.0, min_share * static_cast<double>(largest));
-  std::vector<uint32_t> index(parents.size(), kDropped);
+  std::vector<uint32_t> index(num_vertices, kDropped);
   uint32_t count = 0;
   for (uint32_t i = 0; i < index.size(); ++i) {
-    if (static_cast<double>(sizes[RootOf(i, parents)]) >= least) index[i] = count++;
+    if (static_cast<double>(sizes[parts.Find(i)]) >= least) index[i] = count++;
   }
   std::erase_if(mesh.triangles, [&index](const std::array<uint32_t, 3>& triangle) {
     return index[triangle[0]] == kDropped;

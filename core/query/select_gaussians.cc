@@ -6,11 +6,11 @@
 #include <cmath>
 #include <iterator>
 #include <nanoflann.hpp>
-#include <numeric>
 #include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/base/disjoint_sets.h"
 #include "core/base/status_macros.h"
 #include "core/query/gaussian_votes.h"
 #include "core/scene/gaussians.h"
@@ -68,27 +68,6 @@ class MeanTree {
 
   Cloud cloud_;
   Tree tree_;
-};
-
-// Union-find over the selected Gaussians, by their position in `selected`.
-class DisjointParts {
- public:
-  explicit DisjointParts(size_t count) : next_(count) { std::iota(next_.begin(), next_.end(), 0); }
-  // Returns the representative of the part of i. Halves the path on the way.
-  int32_t Find(int32_t i) {
-    while (next_[i] != i) i = next_[i] = next_[next_[i]];
-    return i;
-  }
-  // Joins the parts of a and b. The smaller position becomes the representative, so that the result
-  // does not depend on the order of joins.
-  void Join(int32_t a, int32_t b) {
-    a = Find(a), b = Find(b);
-    if (a < b) next_[b] = a;
-    if (b < a) next_[a] = b;
-  }
-
- private:
-  std::vector<int32_t> next_;
 };
 
 // Returns three consecutive parameters of a Gaussian.
@@ -246,19 +225,21 @@ std::vector<int32_t> ConnectedParts(const Gaussians& gaussians, std::span<const 
   std::vector<int32_t> part(selected.size());
   if (selected.empty()) return part;
   const MeanTree tree(gaussians, selected);
-  DisjointParts parts(selected.size());
-  for (size_t i = 0; i < selected.size(); ++i) {
+  DisjointSets parts(selected.size());  // of the selected Gaussians, by their position
+  for (uint32_t i = 0; i < selected.size(); ++i) {
     // One more than the neighbours: the Gaussian finds itself.
     for (const int32_t near : tree.Nearest(selected[i], kNumNeighbors + 1)) {
-      if (Touch(gaussians, selected[i], selected[near])) parts.Join(static_cast<int32_t>(i), near);
+      if (Touch(gaussians, selected[i], selected[near])) {
+        parts.Join(i, static_cast<uint32_t>(near));
+      }
     }
   }
   int32_t num_parts = 0;
-  for (size_t i = 0; i < selected.size(); ++i) {
+  for (uint32_t i = 0; i < selected.size(); ++i) {
     // The representative is the lowest position of its part, so it has a number before its members
     // ask for it.
-    const int32_t lead = parts.Find(static_cast<int32_t>(i));
-    part[i] = lead == static_cast<int32_t>(i) ? num_parts++ : part[lead];
+    const uint32_t lead = parts.Find(i);
+    part[i] = lead == i ? num_parts++ : part[lead];
   }
   return part;
 }
