@@ -39,6 +39,7 @@ from pepeseg.evaluation import (
     SamMask,
     Scores,
 )
+from pepeseg.exports import Export, MeshExport
 from pepeseg.finding import Appearance, Findings, Found
 from pepeseg.labels import Label
 from pepeseg.photographs import Photograph
@@ -46,7 +47,7 @@ from pepeseg.png import Picture
 from pepeseg.prompts import Prompt
 from pepeseg.scenes import Model, Scene
 from pepeseg.segmentation import Proposal, Segmentation, Snapshot, ViewMask
-from pepeseg.subsets import Decomposition, Export, Level, MeshExport, Segment
+from pepeseg.subsets import Decomposition, Level, Segment
 from pepeseg.upload import SealedDataset
 
 __version__ = "0.1.0"

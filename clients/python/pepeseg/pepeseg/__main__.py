@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 import sys
 
-from pepeseg import __version__, errors, importers, png, subsets, training
+from pepeseg import __version__, errors, exports, importers, png, training
 from pepeseg.client import Client
 from pepeseg.dataset import Dataset, read_folder
 
@@ -254,11 +254,11 @@ def _add_verbs(parser: argparse.ArgumentParser) -> None:
     verb.add_argument("--without", action="store_true", help="all other Gaussians in their place")
     verb.add_argument(
         "--origin",
-        choices=tuple(subsets.ORIGINS),
+        choices=tuple(exports.ORIGINS),
         default="local",
         help="map coordinates as floats relative to FILE.origin.json, or as doubles of the world",
     )
-    verb.add_argument("--format", choices=tuple(subsets.FORMATS))
+    verb.add_argument("--format", choices=tuple(exports.FORMATS))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -16,6 +16,7 @@ from pepeseg import (
     corrections,
     errors,
     evaluation,
+    exports,
     finding,
     segmentation,
     subsets,
@@ -146,8 +147,8 @@ class Selection(subsets.SelectionInfo):
         super().__init__(**dataclasses.asdict(info))
         self._client = client
 
-    export = of_itself(awaited(subsets.export))
-    export_mesh = of_itself(awaited(subsets.export_mesh))
+    export = of_itself(awaited(exports.export))
+    export_mesh = of_itself(awaited(exports.export_mesh))
 
     async def combine(self, operation: str, other: Selection) -> Selection:
         """Combines this selection, the base of the new one, with `other`.
@@ -249,8 +250,8 @@ class Client(SceneClient):
     sam_agreement = awaited(evaluation.sam_agreement)
     decompose = awaited(subsets.decompose)
     render = awaited(subsets.render)
-    export = awaited(subsets.export)
-    export_mesh = awaited(subsets.export_mesh)
+    export = awaited(exports.export)
+    export_mesh = awaited(exports.export_mesh)
 
     label = awaited(of_labels.label)
     get_label = awaited(of_labels.get_label)

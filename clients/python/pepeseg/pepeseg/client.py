@@ -14,6 +14,7 @@ from pepeseg import (
     corrections,
     errors,
     evaluation,
+    exports,
     finding,
     segmentation,
     subsets,
@@ -42,8 +43,8 @@ class Selection(subsets.SelectionInfo):
         super().__init__(**dataclasses.asdict(info))
         self._client = client
 
-    export = of_itself(blocking(subsets.export))
-    export_mesh = of_itself(blocking(subsets.export_mesh))
+    export = of_itself(blocking(exports.export))
+    export_mesh = of_itself(blocking(exports.export_mesh))
 
     def combine(self, operation: str, other: Selection) -> Selection:
         """Combines this selection, the base of the new one, with `other`.
@@ -158,8 +159,8 @@ class Client(SceneClient):
     sam_agreement = blocking(evaluation.sam_agreement)
     decompose = blocking(subsets.decompose)
     render = blocking(subsets.render)
-    export = blocking(subsets.export)
-    export_mesh = blocking(subsets.export_mesh)
+    export = blocking(exports.export)
+    export_mesh = blocking(exports.export_mesh)
 
     label = blocking(of_labels.label)
     get_label = blocking(of_labels.get_label)
