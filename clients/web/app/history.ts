@@ -1,4 +1,4 @@
-// What a person did, which can be undone and done again: one history for all that changes a scene.
+// A history of a person's changes, which can be undone and done again: one for all that changes a scene.
 import type { Failure } from './api/failure';
 import { failureOf } from './api/failure';
 import { Store } from './store';

@@ -1,4 +1,4 @@
-// What a person does to the Gaussians of a model in 3D: picks, hides, shows alone, cuts off. The contract has no
+// A person's changes to the Gaussians of a model in 3D: picks, hides, shows alone, cuts off. The contract has no
 // selections of Gaussians by their indices, so that all of this stays in the page.
 import { plyUrl } from '../api/clients';
 import type { Failure } from '../api/failure';
@@ -104,7 +104,7 @@ export class GaussianEdits {
     return picked;
   }
 
-  /** Leaves what is picked out of the view; it is no longer picked then. */
+  /** Hides the picked Gaussians, which are then no longer picked. */
   hidePicked(): void {
     const { edits, numPicked } = this.state.get();
     if (numPicked === 0) return;

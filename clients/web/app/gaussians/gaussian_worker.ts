@@ -16,7 +16,7 @@ export type WorkRequest =
 export interface WorkAnswer {
   readonly id: number;
   readonly value?: GaussianPly | GaussianSet;
-  /** Why there is no value. */
+  /** The error, if there is no value. */
   readonly error?: string;
 }
 

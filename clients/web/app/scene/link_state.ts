@@ -1,4 +1,4 @@
-// What of a scene's screen is in the address, so that a reload and a sent link show the same. Changes make no
+// The part of a scene's screen that is in the address, so that a reload and a sent link show the same. Changes make no
 // entries in the browser's history.
 import { useEffect, useState } from 'preact/hooks';
 import { queryValue, setQueryValue } from '../router';

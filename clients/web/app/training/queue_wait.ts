@@ -1,4 +1,4 @@
-// What a queued job waits for. A watch says it once, at its start: it is asked for again while the job is queued.
+// The wait of a queued job. A watch says it once, at its start, so it is asked for again while the job is queued.
 import { useEffect, useState } from 'preact/hooks';
 import type { Job, Job_Wait } from '../../gen/pepeseg/v1/job_service_pb';
 import { JobState, Job_Wait_Reason } from '../../gen/pepeseg/v1/job_service_pb';

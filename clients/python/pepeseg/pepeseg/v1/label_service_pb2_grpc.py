@@ -83,12 +83,11 @@ class LabelServiceServicer(object):
         tool, in one zip: progress, a header, then chunks. The things are the labels of the scene, or all
         segments of a level. The mask of a label is that of SegmentationService.SegmentViews, in pixels of
         the photograph; in the label's own view it is the label's. A thing has the same track id in all
-        views. The same model, labels and
-        request give the same bytes. Takes as long as the masks do, which is 0.1 s each where SAM places
-        their borders; nothing is computed for a client that is gone.
+        views. The same model, labels and request give the same bytes. Takes as long as the masks do,
+        which is 0.1 s each where SAM places their borders; nothing is computed for a client that is gone.
         Errors are those of SegmentViews. FAILED_PRECONDITION (NO_LABELS): the scene has no label.
-        NOT_FOUND: there is no such label. INVALID_ARGUMENT: no view is held out, the decomposition has
-        no such level, or segments stand next to labels or sam_borders. RESOURCE_EXHAUSTED: the
+        NOT_FOUND: there is no such label. INVALID_ARGUMENT: held-out views are wanted and there are
+        none, the decomposition lacks the level, or segments stand next to labels or sam_borders. RESOURCE_EXHAUSTED: the
         zip does not fit in memory, or exceeds 4 GiB (request fewer views).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
