@@ -2,6 +2,7 @@
 import type { Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
 import { clickView, noFindings, numAnswers, numSizes, screenshot, settled } from './on_screen';
+import { difference, pictureIn3d } from './picture_in_3d';
 
 /** Returns the share of the window that an element covers. */
 async function shareOf(page: Page, selector: string): Promise<number> {
@@ -34,22 +35,6 @@ async function clicked(page: Page, at: readonly [number, number]): Promise<Click
   });
   const area = Number(await page.locator('.picture').getAttribute('data-area'));
   return { x: Number(x), y: Number(y), area };
-}
-
-/** Returns the picture of the 3D view, shrunk to 32x32 grey pixels from 0 to 255. */
-async function pictureIn3d(page: Page): Promise<number[]> {
-  await page.waitForTimeout(1500); // for Spark to sort
-  return page.locator('.splats-canvas').evaluate((canvas) => {
-    const small = new OffscreenCanvas(32, 32);
-    const context = small.getContext('2d') as OffscreenCanvasRenderingContext2D;
-    context.drawImage(canvas as HTMLCanvasElement, 0, 0, 32, 32);
-    const { data } = context.getImageData(0, 0, 32, 32);
-    return Array.from({ length: 32 * 32 }, (_, i) => data[4 * i + 1] as number);
-  });
-}
-
-function difference(a: readonly number[], b: readonly number[]): number {
-  return a.reduce((sum, value, i) => sum + Math.abs(value - (b[i] as number)), 0) / a.length;
 }
 
 /** Adds the tests. `shared` returns the page, with a scene on it. */
