@@ -31,6 +31,7 @@
 #include "server/server_parts.h"
 #include "server/services/dataset_service.h"
 #include "server/services/detector_words.h"
+#include "server/services/edit_service.h"
 #include "server/services/evaluation_service.h"
 #include "server/services/job_service.h"
 #include "server/services/job_snapshots.h"
@@ -145,6 +146,7 @@ struct Server::Parts {
   std::unique_ptr<LabelServiceRpc> labels;
   std::unique_ptr<Selections> selected;
   std::unique_ptr<SelectionServiceRpc> selections;
+  std::unique_ptr<EditServiceRpc> edits;
   std::unique_ptr<RenderServiceRpc> renders;
   std::unique_ptr<EvaluationServiceRpc> evaluations;
   std::unique_ptr<AdminListener> admin;
@@ -292,6 +294,8 @@ void Server::Parts::MakeQueryServices(int num_threads) {
   labels = std::make_unique<LabelServiceRpc>(*runner, *models, *snapshots, *images);
   selected = std::make_unique<Selections>(*store, models->data_folder());
   selections = std::make_unique<SelectionServiceRpc>(*runner, *models, *images, *selected);
+  edits =
+      std::make_unique<EditServiceRpc>(EditModelStream::Dependencies{*runner, *models, *selected});
   renders = std::make_unique<RenderServiceRpc>(*runner, *models, *snapshots, *selected);
   evaluations = std::make_unique<EvaluationServiceRpc>(*runner, *models, *blobs, photographs);
 }
@@ -312,8 +316,8 @@ absl::Status Server::Parts::Listen(const ServerOptions& options) {
   ASSIGN_OR_RETURN(acceptor,
                    ConnectionAcceptor::Listen(options.listen, credentials->Make(), builder));
   const std::initializer_list<grpc::Service*> services = {
-      scenes.get(), datasets.get(),   jobs.get(),    segmentation.get(),
-      labels.get(), selections.get(), renders.get(), evaluations.get()};
+      scenes.get(),     datasets.get(), jobs.get(),    segmentation.get(), labels.get(),
+      selections.get(), edits.get(),    renders.get(), evaluations.get()};
   for (grpc::Service* service : services) builder.RegisterService(service);
   server = builder.BuildAndStart();
   if (server == nullptr) {

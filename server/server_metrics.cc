@@ -10,6 +10,7 @@
 #include "core/base/status_macros.h"
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
+#include "pepeseg/v1/edit_service.grpc.pb.h"
 #include "pepeseg/v1/evaluation_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/label_service.grpc.pb.h"
@@ -204,10 +205,11 @@ void ServerGauges::AddProcess(Samples& samples) const {
 
 const std::vector<std::string>& ServiceNames() {
   static const std::vector<std::string> names = {
-      v1::SceneService::service_full_name(),  v1::DatasetService::service_full_name(),
-      v1::JobService::service_full_name(),    v1::SegmentationService::service_full_name(),
-      v1::LabelService::service_full_name(),  v1::SelectionService::service_full_name(),
-      v1::RenderService::service_full_name(), v1::EvaluationService::service_full_name()};
+      v1::SceneService::service_full_name(),     v1::DatasetService::service_full_name(),
+      v1::JobService::service_full_name(),       v1::SegmentationService::service_full_name(),
+      v1::LabelService::service_full_name(),     v1::SelectionService::service_full_name(),
+      v1::EditService::service_full_name(),      v1::RenderService::service_full_name(),
+      v1::EvaluationService::service_full_name()};
   return names;
 }
 

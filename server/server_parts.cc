@@ -19,6 +19,7 @@
 #include "core/priors/sam/sam_borders.h"
 #include "kernels/host_memory.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
+#include "pepeseg/v1/edit_service.grpc.pb.h"
 #include "pepeseg/v1/evaluation_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/label_service.grpc.pb.h"
@@ -264,8 +265,8 @@ std::unique_ptr<HealthMonitor> MakeHealthMonitor(Store& store, const std::vector
         {"device " + device.id,
          [backend = device.backend.get()] { return ProbeDevice(*backend); },
          {v1::SegmentationService::service_full_name(), v1::LabelService::service_full_name(),
-          v1::SelectionService::service_full_name(), v1::RenderService::service_full_name(),
-          v1::EvaluationService::service_full_name(), ""},
+          v1::SelectionService::service_full_name(), v1::EditService::service_full_name(),
+          v1::RenderService::service_full_name(), v1::EvaluationService::service_full_name(), ""},
          /*blocks=*/false});
   }
   return std::make_unique<HealthMonitor>(std::move(services), std::move(probes));

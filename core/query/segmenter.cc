@@ -206,11 +206,13 @@ absl::StatusOr<Image> Segmenter::RenderColor(const ModelView& view,
       [&]() -> absl::StatusOr<Image> { return state_->renderer.Color(view, subset); });
 }
 
-absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view,
-                                          std::span<const int32_t> pixels) const {
+absl::StatusOr<PixelRows> Segmenter::Rows(const ModelView& view, std::span<const int32_t> pixels,
+                                          const GaussianSet* subset) const {
   RETURN_IF_ERROR(CheckView(view));
-  return state_->WithDevice(
-      [&]() -> absl::StatusOr<PixelRows> { return ToHost(state_->renderer.Rows(view, pixels)); });
+  RETURN_IF_ERROR(CheckSubset(subset, model()));
+  return state_->WithDevice([&]() -> absl::StatusOr<PixelRows> {
+    return ToHost(state_->renderer.Rows(view, pixels, subset));
+  });
 }
 
 absl::StatusOr<std::vector<float>> Segmenter::RenderDepth(const ModelView& view,

@@ -47,8 +47,9 @@ class Segmenter {
   absl::StatusOr<Image> RenderColor(const ModelView& view,
                                     const GaussianSet* subset = nullptr) const;
   // Returns the blend rows of pixels, y * width + x, of a view: which Gaussians contribute and how
-  // much.
-  absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels) const;
+  // much. `subset`: as in RenderColor.
+  absl::StatusOr<PixelRows> Rows(const ModelView& view, std::span<const int32_t> pixels,
+                                 const GaussianSet* subset = nullptr) const;
 
   // Returns one result per target view, in order. Returns INVALID_ARGUMENT if the scale or
   // threshold is out of range or no feature is positive.

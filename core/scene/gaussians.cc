@@ -48,6 +48,11 @@ Gaussians Gaussians::Select(std::span<const int64_t> rows) const {
   return result;
 }
 
+Eigen::Vector3d MeanOf(const Gaussians& gaussians, int64_t row) {
+  const auto at = [&](int axis) { return double{gaussians.Plane(kMeanPlane + axis)[row]}; };
+  return {at(0), at(1), at(2)};
+}
+
 absl::StatusOr<GaussianSet> Union(const GaussianSet& a, const GaussianSet& b) {
   return Combine(a, b, [](bool x, bool y) { return x || y; });
 }

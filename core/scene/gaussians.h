@@ -29,6 +29,9 @@ struct Gaussians {
   Gaussians Select(std::span<const int64_t> rows) const;
 };
 
+// Returns the mean of a Gaussian.
+Eigen::Vector3d MeanOf(const Gaussians& gaussians, int64_t row);
+
 // A subset of a model's Gaussians.
 struct GaussianSet {
   std::vector<uint8_t> member;  // [num_gaussians], 0 or 1

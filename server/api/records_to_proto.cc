@@ -46,9 +46,12 @@ v1::Model ToProto(const ModelRecord& record) {
   proto.set_name(ChildName(record.scene, "models", record.number));
   proto.set_job(JobName(record.job));
   if (record.dataset != 0) proto.set_dataset(ChildName(record.scene, "datasets", record.dataset));
-  if (record.corrected_from != 0) {
-    proto.set_corrected_from(ChildName(record.scene, "models", record.corrected_from));
+  if (record.made_from != 0) {
+    std::string& from =
+        *(record.edit.empty() ? proto.mutable_corrected_from() : proto.mutable_edited_from());
+    from = ChildName(record.scene, "models", record.made_from);
   }
+  proto.set_edit(record.edit);
   proto.set_device(record.device);
   *proto.mutable_create_time() = ToProto(record.create_time);
   proto.set_num_gaussians(record.num_gaussians);

@@ -113,7 +113,7 @@ absl::Status CollectAll(Collection& collection) {
                                   [&](const SceneRef& scene, int64_t number) {
                                     return store.selections().GetSelection(scene, number).status();
                                   }));
-  RETURN_IF_ERROR(CollectNumbered(collection, CorrectedModelsFolder(data),
+  RETURN_IF_ERROR(CollectNumbered(collection, ModelVersionsFolder(data),
                                   [&](const SceneRef& scene, int64_t number) {
                                     return store.models().GetModel(scene, number).status();
                                   }));

@@ -2,25 +2,20 @@
 
 #include <spdlog/spdlog.h>
 
-#include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/base/errors.h"
 #include "core/base/status_macros.h"
 #include "core/correct/correct_field.h"
-#include "core/model_files/corrected_model.h"
+#include "core/model_files/model_version.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
 #include "server/api/request_image.h"
 #include "server/api/segment_request.h"
-#include "server/store/layout.h"
-#include "server/worker_protocol/job_folder.h"
+#include "server/services/model_versions.h"
 
 namespace pepeseg {
 namespace {
@@ -61,38 +56,6 @@ absl::StatusOr<std::vector<Correction>> ReadCorrections(const v1::CorrectSegment
     corrections.push_back({std::move(read.view), std::get<BinaryMask>(std::move(read.what))});
   }
   return corrections;
-}
-
-// Writes and records the corrected model.
-absl::StatusOr<ModelRecord> StoreCorrected(ModelLoader& models, const ModelRecord& from,
-                                           const FeatureField& field) {
-  ModelRecord record = from;
-  record.corrected_from = from.number;
-  // The number is taken in a transaction of its own, so that the folder has a name that no other
-  // call uses. A number whose model is never recorded is not used again.
-  ASSIGN_OR_RETURN(record.number, models.store().models().TakeModelNumber(from.scene));
-  record.folder = (CorrectedFolder(from.scene) / std::to_string(record.number)).string();
-  const std::filesystem::path& data = models.data_folder();
-  RETURN_IF_ERROR(CheckModelFolder(data, from.folder));
-  const auto num_bytes = WriteCorrectedModel(data / from.folder, data / record.folder, field,
-                                             ChildName(from.scene, "models", from.number));
-  if (!num_bytes.ok()) {
-    // The model and its files may have been deleted meanwhile.
-    RETURN_IF_ERROR(models.store().models().GetModel(from.scene, from.number).status());
-    return num_bytes.status();
-  }
-  record.num_bytes = *num_bytes;
-  auto made = models.store().models().CreateCorrected(record);
-  // The folder stays if it is not known whether the record was committed; the collector decides
-  // later. See Selections::Record.
-  const bool full_disk = absl::IsResourceExhausted(made.status()) && IsPrivate(made.status());
-  const bool unknown =
-      full_disk || absl::IsUnavailable(made.status()) || absl::IsInternal(made.status());
-  if (!made.ok() && !unknown) {
-    std::error_code ignored;
-    std::filesystem::remove_all(data / record.folder, ignored);
-  }
-  return made;
 }
 
 void Fill(const ResidentModel& model, const std::vector<Correction>& corrections,
@@ -149,7 +112,12 @@ absl::Status AnswerCorrectSegment(const UnaryCall& call, ModelLoader& models,
     return absl::OkStatus();
   }
   ASSIGN_OR_RETURN(const ModelRecord from, models.Find(model.id));
-  ASSIGN_OR_RETURN(const ModelRecord record, StoreCorrected(models, from, corrected->field));
+  ModelRecord made = from;
+  made.edit.clear();
+  ASSIGN_OR_RETURN(const ModelRecord record,
+                   StoreVersion(models, from, made, [&](const auto& folder, const auto& to) {
+                     return WriteCorrectedModel(folder, to, corrected->field, model.name);
+                   }));
   response->set_model(ChildName(record.scene, "models", record.number));
   spdlog::info("{}: corrected from {}, {} Gaussians changed", response->model(), model.name,
                corrected->num_changed);

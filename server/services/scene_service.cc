@@ -156,7 +156,7 @@ absl::Status SceneServiceRpc::DeleteWithRemains(const SceneRef& scene) const {
   }
   std::filesystem::remove_all(DatasetFolder(models_.data_folder(), scene), ignored);
   std::filesystem::remove_all(models_.data_folder() / SelectionFolder(scene), ignored);
-  std::filesystem::remove_all(models_.data_folder() / CorrectedFolder(scene), ignored);
+  std::filesystem::remove_all(models_.data_folder() / ModelVersionFolder(scene), ignored);
   return absl::OkStatus();
 }
 

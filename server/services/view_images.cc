@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/base/status_macros.h"
+#include "core/model_files/model_version.h"
 #include "server/api/error.h"
 #include "server/services/kept_embedding.h"
 #include "server/services/stored_photographs.h"
@@ -22,6 +23,15 @@ constexpr int64_t kViewBytes = int64_t{2} << 20;  // of an embedding
 // SAM's weights and their buffers on the CPU, bytes, as measured (deploy/OPERATIONS.md). Also
 // reserved where a GPU computes, because the CPU takes over if that fails.
 constexpr int64_t kSamBytes = int64_t{350'000'000};
+
+// Returns NOT_FOUND unless the view has a photograph that shows the model.
+absl::Status CheckPhotograph(const ResidentModel& model, const ModelView& view) {
+  if (view.name.empty() || !view.photograph) {
+    return absl::NotFoundError("the view has no photograph");
+  }
+  return IsEdited(model->model()) ? absl::NotFoundError("photographs do not show an edited model")
+                                  : absl::OkStatus();
+}
 
 }  // namespace
 
@@ -79,18 +89,14 @@ void ViewImages::ReportProcessor() {
 
 absl::StatusOr<Image> ViewImages::Photograph(const ResidentModel& model, const ModelView& view,
                                              absl::FunctionRef<bool()> wanted) const {
-  if (view.name.empty() || !view.photograph) {
-    return absl::NotFoundError("the view has no photograph");
-  }
+  RETURN_IF_ERROR(CheckPhotograph(model, view));
   StoredPhotographs photographs(deps_.store, deps_.blobs, deps_.photographs, model.id, wanted);
   return photographs.Formed(view, {.view = view, .max_side = kSamFrame});
 }
 
 absl::StatusOr<std::filesystem::path> ViewImages::KeptFile(const ResidentModel& model,
                                                            const ModelView& view) const {
-  if (view.name.empty() || !view.photograph) {
-    return absl::NotFoundError("the view has no photograph");
-  }
+  RETURN_IF_ERROR(CheckPhotograph(model, view));
   ASSIGN_OR_RETURN(const ModelRecord record,
                    deps_.store.models().GetModel(model.id.scene, model.id.number));
   const std::filesystem::path file =

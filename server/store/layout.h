@@ -27,7 +27,8 @@
 //                             moment the Gaussians of a job in training
 //   datasets/SCENE/N.json     manifest of a sealed dataset
 //   selections/SCENE/N        members of a selection (core/model_files/model_file.h)
-//   models/SCENE/N/           a corrected model; files that the correction leaves as they are have
+//   models/SCENE/N/           a corrected or edited model; files that a correction leaves as they
+//   are have
 //                             further names here (hard links)
 //   jobs/JOB/...              job folders (server/worker_protocol/job_folder.h)
 namespace pepeseg {
@@ -136,12 +137,12 @@ inline std::filesystem::path SelectionFolder(const SceneRef& scene) {
   return std::filesystem::path("selections") / std::to_string(scene.id);
 }
 
-inline std::filesystem::path CorrectedModelsFolder(const std::filesystem::path& data) {
+inline std::filesystem::path ModelVersionsFolder(const std::filesystem::path& data) {
   return data / "models";
 }
 
 // Returns a path relative to the data directory.
-inline std::filesystem::path CorrectedFolder(const SceneRef& scene) {
+inline std::filesystem::path ModelVersionFolder(const SceneRef& scene) {
   return std::filesystem::path("models") / std::to_string(scene.id);
 }
 

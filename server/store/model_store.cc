@@ -34,13 +34,13 @@ std::vector<ModelRecord> SelectModels(soci::session& sql, const SceneRef& scene,
   soci::statement select =
       (sql.prepare << "SELECT number, job, " << kDatasetOfJob
                    << ", device, folder, metrics, sources, num_gaussians,"
-                      " num_bytes, create_time, corrected_from FROM models"
+                      " num_bytes, create_time, made_from, edit FROM models"
                       " WHERE scene = :scene AND number "
                    << query.condition << " :key ORDER BY " << query.order << " LIMIT :limit",
        soci::into(row.number), soci::into(row.job), soci::into(row.dataset), soci::into(row.device),
        soci::into(row.folder), soci::into(row.metrics), soci::into(row.sources),
        soci::into(row.num_gaussians), soci::into(row.num_bytes), soci::into(create_time),
-       soci::into(row.corrected_from), soci::use(scene.id), soci::use(query.key),
+       soci::into(row.made_from), soci::into(row.edit), soci::use(scene.id), soci::use(query.key),
        soci::use(query.limit));
   select.execute();
   std::vector<ModelRecord> rows;
@@ -83,12 +83,12 @@ absl::StatusOr<ModelRecord> SelectModel(soci::session& sql, const SceneRef& scen
 void InsertModel(soci::session& sql, const ModelRecord& row) {
   const int64_t now = ToMicros(row.create_time), order = NextLiveOrder(sql, row.scene);
   sql << "INSERT INTO models (scene, number, job, device, folder, metrics, sources, num_gaussians,"
-         " num_bytes, create_time, live_order, corrected_from) VALUES (:scene, :number, :job,"
-         " :device, :folder, :metrics, :sources, :count, :bytes, :now, :live, :from)",
+         " num_bytes, create_time, live_order, made_from, edit) VALUES (:scene, :number, :job,"
+         " :device, :folder, :metrics, :sources, :count, :bytes, :now, :live, :from, :edit)",
       soci::use(row.scene.id), soci::use(row.number), soci::use(row.job), soci::use(row.device),
       soci::use(row.folder), soci::use(row.metrics), soci::use(row.sources),
       soci::use(row.num_gaussians), soci::use(row.num_bytes), soci::use(now), soci::use(order),
-      soci::use(row.corrected_from);
+      soci::use(row.made_from), soci::use(row.edit);
 }
 
 absl::StatusOr<int64_t> ModelStore::TakeModelNumber(const SceneRef& scene) {
@@ -98,10 +98,10 @@ absl::StatusOr<int64_t> ModelStore::TakeModelNumber(const SceneRef& scene) {
   });
 }
 
-absl::StatusOr<ModelRecord> ModelStore::CreateCorrected(const ModelRecord& model) {
+absl::StatusOr<ModelRecord> ModelStore::CreateVersion(const ModelRecord& model) {
   return database_.Query<ModelRecord>([&](soci::session& sql) -> absl::StatusOr<ModelRecord> {
-    // It may have been deleted while the correction was computed.
-    ASSIGN_OR_RETURN(const ModelRecord from, SelectModel(sql, model.scene, model.corrected_from));
+    // It may have been deleted while the new one was computed.
+    ASSIGN_OR_RETURN(const ModelRecord from, SelectModel(sql, model.scene, model.made_from));
     ModelRecord row = model;
     row.scene = from.scene;
     row.create_time = FromMicros(ToMicros(absl::Now()));

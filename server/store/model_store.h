@@ -20,10 +20,10 @@ class ModelStore {
 
   // Returns a number for a model of the scene, which no other model gets.
   absl::StatusOr<int64_t> TakeModelNumber(const SceneRef& scene);
-  // Records a corrected model, which becomes the live one, and returns it with its create_time.
-  // NOT_FOUND: the model `corrected_from` was deleted. RESOURCE_EXHAUSTED: stored_bytes of the
-  // project does not allow it.
-  absl::StatusOr<ModelRecord> CreateCorrected(const ModelRecord& model);
+  // Records a corrected or edited model, which becomes the live one, and returns it with its
+  // create_time. NOT_FOUND: the model `made_from` was deleted. RESOURCE_EXHAUSTED: stored_bytes of
+  // the project does not allow it.
+  absl::StatusOr<ModelRecord> CreateVersion(const ModelRecord& model);
 
   absl::StatusOr<ModelRecord> GetModel(const SceneRef& scene, int64_t number);
   // Returns the scene's live model, see ModelRecord. FAILED_PRECONDITION: the scene has no model;

@@ -127,8 +127,8 @@ struct JobRecord {
   std::string traceparent;  // W3C trace of the call that created it; empty in old records
 };
 
-// The immutable result of a job or of a correction. The scene's live model is the newest one, or
-// the one that ModelStore::SetLiveModel has named since.
+// The immutable result of a job, of a correction or of an edit. The scene's live model is the
+// newest one, or the one that ModelStore::SetLiveModel has named since.
 struct ModelRecord {
   SceneRef scene;
   int64_t number = 0;  // from 1, never reused
@@ -139,8 +139,9 @@ struct ModelRecord {
   std::string metrics;  // JSON object of numbers: Model::metrics
   std::string sources;  // JSON object of strings: JobResult::sources; empty in old records
   int64_t num_gaussians = 0;
-  int64_t num_bytes = 0;       // on disk
-  int64_t corrected_from = 0;  // number of the model that was corrected to make it; 0: none
+  int64_t num_bytes = 0;  // on disk
+  int64_t made_from = 0;  // number of the model that was corrected or edited to make it; 0: none
+  std::string edit;       // what the edit did, for people; empty: no edit made it
   absl::Time create_time;
 };
 

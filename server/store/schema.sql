@@ -141,8 +141,8 @@ CREATE INDEX jobs_by_end ON jobs (end_time);
 CREATE TABLE job_numbers (next_job BIGINT NOT NULL);
 INSERT INTO job_numbers (next_job) VALUES (1);
 
--- live_order: the model with the highest one is live. corrected_from: number of the model that was
--- corrected to make this one, which may have been deleted; 0: none.
+-- live_order: the model with the highest one is live. made_from: number of the model that was
+-- corrected or edited to make this one, which may have been deleted; 0: none. edit: what an edit did.
 CREATE TABLE models (
   scene BIGINT NOT NULL REFERENCES scenes (id) ON DELETE CASCADE,
   number BIGINT NOT NULL,
@@ -155,7 +155,8 @@ CREATE TABLE models (
   num_bytes BIGINT NOT NULL,
   create_time BIGINT NOT NULL,
   live_order BIGINT NOT NULL,
-  corrected_from BIGINT NOT NULL DEFAULT 0,
+  made_from BIGINT NOT NULL DEFAULT 0,
+  edit TEXT NOT NULL DEFAULT '',
   PRIMARY KEY (scene, number)
 );
 

@@ -23,12 +23,17 @@ Eigen::Vector3f Extent(const Piece& piece) {
 
 }  // namespace
 
-LargeScene::LargeScene(Place place, uint64_t seed)
-    : has_sky_(place == Place::kYard), to_lamp_(Normalize(Float3{0.5f, -0.75f, -0.43f})) {
+LargeScene::LargeScene(Place place, uint64_t seed, const LeftOut& left_out)
+    : has_sky_(place == Place::kYard),
+      unseen_(static_cast<uint16_t>(left_out.keeps_shadow ? left_out.thing : 0)),
+      to_lamp_(Normalize(Float3{0.5f, -0.75f, -0.43f})) {
   PlacePieces made = MakePlace(place, seed);
   num_things_ = made.num_things;
   materials_ = std::move(made.materials);
   pieces_ = std::move(made.pieces);
+  if (left_out.thing != 0 && !left_out.keeps_shadow) {
+    std::erase_if(pieces_, [&](const Piece& piece) { return piece.thing == left_out.thing; });
+  }
   const auto small = std::partition(pieces_.begin(), pieces_.end(), [](const Piece& piece) {
     return Extent(piece).maxCoeff() > kLargeExtent;
   });

@@ -13,6 +13,7 @@ namespace pepeseg {
 enum class Place {
   kYard,      // bushes, grass, gravel, brick walls and hills under a sky
   kWorkshop,  // shelves and a bench full of boxes and balls in a closed room
+  kTable,     // things on a table in a closed room, none of which touches another
 };
 
 // The pieces of a place and their materials. Equal seeds give equal pieces.
@@ -25,10 +26,16 @@ PlacePieces MakePlace(Place place, uint64_t seed);
 
 class LargeScene {
  public:
-  LargeScene(Place place, uint64_t seed);
+  // A thing that is not in the pictures.
+  struct LeftOut {
+    int thing = 0;  // its label; 0: none
+    bool keeps_shadow = false;
+  };
+  LargeScene(Place place, uint64_t seed, const LeftOut& left_out);
 
   SceneSpans spans() const {
-    return {pieces_.data(), num_large_, nodes_.data(), materials_.data(), has_sky_, to_lamp_};
+    return {pieces_.data(), num_large_, nodes_.data(), materials_.data(),
+            has_sky_,       to_lamp_,   unseen_};
   }
   int num_things() const { return num_things_; }
   const std::vector<Piece>& pieces() const { return pieces_; }
@@ -39,6 +46,7 @@ class LargeScene {
   void BuildNode(int first, int end);
 
   bool has_sky_;
+  uint16_t unseen_;
   Float3 to_lamp_;
   int num_things_ = 0;
   int num_large_ = 0;

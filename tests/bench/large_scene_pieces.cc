@@ -30,6 +30,32 @@ class PlaceMaker {
   }
 
   PlacePieces Workshop() {
+    Room();
+    for (int i = 0; i < 10; ++i) Shelf(2 * kPi * static_cast<float>(i) / 10);
+    Bench();
+    for (int i = 0; i < 120; ++i)
+      SmallThing({Uniform(-1.4f, 1.4f), kBenchTop, Uniform(-0.7f, 0.7f)});
+    for (int i = 0; i < 400; ++i) SmallThing(Disc(4.5f));
+    return std::move(out_);
+  }
+
+  PlacePieces Table() {
+    Room();
+    Bench();
+    for (int column = -2; column <= 2; ++column) {
+      for (int row = -1; row <= 1; ++row) {
+        const Vector3f at(0.55f * static_cast<float>(column) + Uniform(-0.08f, 0.08f), kBenchTop,
+                          0.44f * static_cast<float>(row) + Uniform(-0.05f, 0.05f));
+        LooseThing(at);
+      }
+    }
+    return std::move(out_);
+  }
+
+ private:
+  static constexpr float kBenchTop = -0.89f;
+
+  void Room() {
     const int floor = Add({Rgb(0.45, 0.33, 0.22), Rgb(0.25, 0.17, 0.1), 0.3f, false, 0.15f});
     const int wall = Add({Rgb(0.7, 0.68, 0.6), Rgb(0.45, 0.45, 0.42), 0.5f});
     Solid(Vector3f(0, 0.1f, 0), Vector3f(7, 0.1f, 7), floor);
@@ -39,13 +65,7 @@ class PlaceMaker {
       Solid(Vector3f(7 * side, -2, 0), Vector3f(0.1f, 2.2f, 7), side < 0 ? wall : bricks);
       Solid(Vector3f(0, -2, 7 * side), Vector3f(7, 2.2f, 0.1f), side < 0 ? bricks : wall);
     }
-    for (int i = 0; i < 10; ++i) Shelf(2 * kPi * static_cast<float>(i) / 10);
-    Bench();
-    for (int i = 0; i < 400; ++i) SmallThing(Disc(4.5f));
-    return std::move(out_);
   }
-
- private:
   float Uniform(float low, float high) {
     const auto share = static_cast<float>(static_cast<double>(random_() >> 11) * 0x1p-53);
     return low + (high - low) * share;
@@ -196,7 +216,13 @@ class PlaceMaker {
         Put({x, -0.42f, z}, {0.05f, 0.42f, 0.05f}, Matrix3f::Identity(), true, wood, thing);
       }
     }
-    for (int i = 0; i < 120; ++i) SmallThing({Uniform(-1.4f, 1.4f), -0.89f, Uniform(-0.7f, 0.7f)});
+  }
+  // One that touches no other.
+  void LooseThing(const Vector3f& foot) {
+    const int thing = ++out_.num_things;
+    const Vector3f half(Uniform(0.06f, 0.13f), Uniform(0.05f, 0.2f), Uniform(0.06f, 0.13f));
+    Put(foot - Vector3f(0, half.y(), 0), half, About(Uniform(0, kPi)), Uniform(0, 1) < 0.5f,
+        Add({AnyColor(), AnyColor(), Uniform(0.02f, 0.08f), false, Uniform(0, 0.2f)}), thing);
   }
 
   std::mt19937_64 random_;
@@ -209,7 +235,15 @@ class PlaceMaker {
 
 PlacePieces MakePlace(Place place, uint64_t seed) {
   PlaceMaker maker(seed);
-  return place == Place::kYard ? maker.Yard() : maker.Workshop();
+  switch (place) {
+    case Place::kYard:
+      return maker.Yard();
+    case Place::kWorkshop:
+      return maker.Workshop();
+    case Place::kTable:
+      break;
+  }
+  return maker.Table();
 }
 
 }  // namespace pepeseg

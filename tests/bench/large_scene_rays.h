@@ -43,7 +43,8 @@ struct SceneSpans {
   const PieceNode* nodes;
   const Material* materials;
   bool has_sky;
-  Float3 to_lamp;  // of length 1
+  Float3 to_lamp;       // of length 1
+  uint16_t unseen = 0;  // thing that casts its shadow but is not seen; 0: none
 };
 
 struct RayHit {
@@ -134,13 +135,16 @@ PEPESEG_HD float EnterNode(const PieceNode& node, Float3 start, Float3 inverse, 
   return enter <= leave ? enter : kFar;
 }
 
-// Returns the nearest hit before `most`; with `any` the first one that is found.
+// Returns the nearest hit before `most`; with `any`, for shadows, the first one that is found.
 PEPESEG_HD RayHit TraceRay(const SceneSpans& scene, Float3 origin, Float3 direction, float most,
                            bool any) {
   RayHit nearest = {most, nullptr, {0, 0, 0}};
-  for (int i = 0; i < scene.num_large; ++i) {
-    MeetPiece(scene.pieces[i], origin, direction, nearest);
-  }
+  const auto meet = [&](const Piece& piece) {
+    if (any || scene.unseen == 0 || piece.thing != scene.unseen) {
+      MeetPiece(piece, origin, direction, nearest);
+    }
+  };
+  for (int i = 0; i < scene.num_large; ++i) meet(scene.pieces[i]);
   const Float3 inverse = {1 / direction.x, 1 / direction.y, 1 / direction.z};
   const Float3 start = Scale(origin, inverse);
   constexpr int kDeepest = 48;  // the median splits halve the pieces at each level
@@ -154,9 +158,7 @@ PEPESEG_HD RayHit TraceRay(const SceneSpans& scene, Float3 origin, Float3 direct
     if (entered[size] >= nearest.distance) continue;
     const int index = stack[size];
     const PieceNode& node = scene.nodes[index];
-    for (int i = node.first; i < node.first + node.count; ++i) {
-      MeetPiece(scene.pieces[i], origin, direction, nearest);
-    }
+    for (int i = node.first; i < node.first + node.count; ++i) meet(scene.pieces[i]);
     if (node.count > 0) continue;
     const int left = index + 1, right = node.first;
     const float to_left = EnterNode(scene.nodes[left], start, inverse, nearest.distance);

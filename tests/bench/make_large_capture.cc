@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <mutex>
 #include <numbers>
 #include <opencv2/core.hpp>
@@ -32,6 +33,7 @@ struct CaptureOptions {
   int num_views = 250, width = 1152, height = 864, num_points = 35'000, quality = 95;
   int threads = static_cast<int>(std::thread::hardware_concurrency());
   uint64_t seed = 1;
+  LargeScene::LeftOut left_out;
 };
 
 // Returns view `index`: rounds at several heights and distances, looking across the middle.
@@ -156,7 +158,9 @@ void Make(const CaptureOptions& options) {
   for (const char* part : {"images", "masks", "sparse/0"}) {
     std::filesystem::create_directories(std::filesystem::path(options.folder) / part);
   }
-  const LargeScene scene(options.place == "yard" ? Place::kYard : Place::kWorkshop, options.seed);
+  const std::map<std::string, Place> places = {
+      {"yard", Place::kYard}, {"workshop", Place::kWorkshop}, {"table", Place::kTable}};
+  const LargeScene scene(places.at(options.place), options.seed, options.left_out);
   std::cerr << scene.pieces().size() << " pieces, " << scene.num_things() << " things\n";
   WriteSparse(scene, options);
   ScenePhotographer gpu(scene);
@@ -181,7 +185,7 @@ int main(int argc, char** argv) {
   CLI::App app("A ray-traced place of real size as a dataset folder");
   pepeseg::CaptureOptions options;
   app.add_option("folder", options.folder)->required();
-  app.add_option("--place", options.place)->check(CLI::IsMember({"yard", "workshop"}));
+  app.add_option("--place", options.place)->check(CLI::IsMember({"yard", "workshop", "table"}));
   app.add_option("--views", options.num_views)->check(CLI::Range(2, 9999));
   app.add_option("--width", options.width)->check(CLI::Range(16, 16384));
   app.add_option("--height", options.height)->check(CLI::Range(16, 16384));
@@ -189,6 +193,8 @@ int main(int argc, char** argv) {
   app.add_option("--quality", options.quality, "of the JPEGs")->check(CLI::Range(1, 100));
   app.add_option("--threads", options.threads)->check(CLI::Range(1, 1024));
   app.add_option("--seed", options.seed);
+  app.add_option("--without", options.left_out.thing, "a thing, by its label, that is left out");
+  app.add_flag("--keep-shadow", options.left_out.keeps_shadow, "of the thing that is left out");
   CLI11_PARSE(app, argc, argv);
   pepeseg::Make(options);
   return 0;

@@ -152,22 +152,22 @@ TEST_F(StoreTest, RecordsACorrectedModel) {
   ModelRecord model;
   model.metrics = R"({"psnr": 21.5})";
   ASSERT_OK_AND_ASSIGN(model, store_->queue().CommitModel("j1", 1, model));
-  model.corrected_from = model.number;
+  model.made_from = model.number;
   ASSERT_OK_AND_ASSIGN(model.number, store_->models().TakeModelNumber(SceneOf(*store_, "a")));
   model.folder = "models/1/2";
   model.num_bytes = 7;
-  ASSERT_OK(store_->models().CreateCorrected(model));
+  ASSERT_OK(store_->models().CreateVersion(model));
   Reopen();
   ASSERT_OK_AND_ASSIGN(const auto live, store_->models().GetLiveModel(SceneOf(*store_, "a")));
   EXPECT_EQ(live.number, 2);
-  EXPECT_EQ(live.corrected_from, 1);
+  EXPECT_EQ(live.made_from, 1);
   EXPECT_EQ(live.folder, "models/1/2");
   EXPECT_EQ(live.metrics, model.metrics);
   EXPECT_EQ(live.job, "j1");
   EXPECT_EQ(live.dataset, 1);
   ASSERT_OK(store_->models().DeleteModel(SceneOf(*store_, "a"), 1));
   model.number = 3;
-  EXPECT_EQ(store_->models().CreateCorrected(model).status().code(), absl::StatusCode::kNotFound)
+  EXPECT_EQ(store_->models().CreateVersion(model).status().code(), absl::StatusCode::kNotFound)
       << "the model that it was corrected from is gone";
 }
 

@@ -79,13 +79,13 @@ TEST_F(StoreQuotas, CountsCorrectedModelsAndKeepsNoneThatIsTooLarge) {
   model.num_bytes = 40;
   ASSERT_OK_AND_ASSIGN(model, store->queue().CommitModel((*job)->id, 1, model));
   ASSERT_OK(store->quotas().SetProjectQuota("lab", {100, 0, 0, 0, 0, 0}));
-  model.corrected_from = model.number;
+  model.made_from = model.number;
   ASSERT_OK_AND_ASSIGN(model.number, store->models().TakeModelNumber(model.scene));
   model.num_bytes = 58;
-  ExpectQuota(store->models().CreateCorrected(model).status(), "stored_bytes", "101", "100");
-  EXPECT_EQ(store->models().GetLiveModel(model.scene)->number, model.corrected_from);
+  ExpectQuota(store->models().CreateVersion(model).status(), "stored_bytes", "101", "100");
+  EXPECT_EQ(store->models().GetLiveModel(model.scene)->number, model.made_from);
   model.num_bytes = 57;
-  ASSERT_OK(store->models().CreateCorrected(model));
+  ASSERT_OK(store->models().CreateVersion(model));
   EXPECT_EQ(store->quotas().GetUsage("lab")->stored_bytes, 100);
 }
 

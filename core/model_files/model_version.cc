@@ -1,4 +1,4 @@
-#include "core/model_files/corrected_model.h"
+#include "core/model_files/model_version.h"
 
 #include <algorithm>
 #include <array>
@@ -6,6 +6,7 @@
 #include <system_error>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "core/base/errors.h"
 #include "core/base/file_io.h"
 #include "core/base/status_macros.h"
@@ -65,8 +66,8 @@ absl::StatusOr<int64_t> SizeOf(const fs::path& folder) {
   return sum;
 }
 
-absl::StatusOr<int64_t> Write(const fs::path& from, const fs::path& to, const FeatureField& field,
-                              const std::string& provenance) {
+absl::Status WriteCorrected(const fs::path& from, const fs::path& to, const FeatureField& field,
+                            const std::string& provenance) {
   ASSIGN_OR_RETURN(const Manifest old, ReadManifest(from));
   RETURN_IF_ERROR(ShareOthers(from, to));
   RETURN_IF_ERROR(WriteFeatureFile(to / kFeaturesName, field));
@@ -79,18 +80,12 @@ absl::StatusOr<int64_t> Write(const fs::path& from, const fs::path& to, const Fe
     if (!fresh.Lists(entry.name)) manifest.files.push_back(entry);
   }
   manifest.files.insert(manifest.files.end(), fresh.files.begin(), fresh.files.end());
-  RETURN_IF_ERROR(WriteManifest(to, manifest));
-  RETURN_IF_ERROR(SyncFolder(to));
-  RETURN_IF_ERROR(SyncFolder(to.parent_path()));
-  RETURN_IF_ERROR(SyncFolder(to.parent_path().parent_path()));
-  return SizeOf(to);
+  return WriteManifest(to, manifest);
 }
 
-}  // namespace
-
-absl::StatusOr<int64_t> WriteCorrectedModel(const fs::path& from, const fs::path& to,
-                                            const FeatureField& field,
-                                            const std::string& provenance) {
+// Makes the folder, has `write` fill it, and returns the size of its files when they are durable.
+// Removes it after an error.
+absl::StatusOr<int64_t> MakeFolder(const fs::path& to, absl::FunctionRef<absl::Status()> write) {
   std::error_code error;
   fs::create_directories(to.parent_path(), error);
   if (error) return FileError(to.parent_path(), "create", error.value());
@@ -98,9 +93,28 @@ absl::StatusOr<int64_t> WriteCorrectedModel(const fs::path& from, const fs::path
   if (!fs::create_directory(to, error)) {
     return FileError(to, "create", error ? error.value() : EEXIST);
   }
-  absl::StatusOr<int64_t> size = Write(from, to, field, provenance);
+  const auto fill = [&]() -> absl::StatusOr<int64_t> {
+    RETURN_IF_ERROR(write());
+    RETURN_IF_ERROR(SyncFolder(to));
+    RETURN_IF_ERROR(SyncFolder(to.parent_path()));
+    RETURN_IF_ERROR(SyncFolder(to.parent_path().parent_path()));
+    return SizeOf(to);
+  };
+  absl::StatusOr<int64_t> size = fill();
   if (!size.ok()) fs::remove_all(to, error);
   return size;
+}
+
+}  // namespace
+
+absl::StatusOr<int64_t> WriteCorrectedModel(const fs::path& from, const fs::path& to,
+                                            const FeatureField& field,
+                                            const std::string& provenance) {
+  return MakeFolder(to, [&] { return WriteCorrected(from, to, field, provenance); });
+}
+
+absl::StatusOr<int64_t> WriteEditedModel(const fs::path& to, const Model& model) {
+  return MakeFolder(to, [&] { return WriteModel(to, model); });
 }
 
 }  // namespace pepeseg

@@ -1,4 +1,4 @@
-#include "core/model_files/corrected_model.h"
+#include "core/model_files/model_version.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,267 @@
+#include "core/edit/patches.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/base/status_macros.h"
+#include "core/edit/hole_picture.h"
+#include "core/scene/camera.h"
+#include "kernels/gaussian_planes.h"
+#include "kernels/math/sh.h"
+
+namespace pepeseg {
+namespace {
+
+constexpr double kMinKnown = 0.5;      // share of a hole's border that must be known
+constexpr double kSizeInPixels = 0.6;  // of a patch: it overlaps its neighbours
+constexpr double kThickness = 0.1;     // of a patch, in its size
+constexpr double kOpacity = 0.98;
+constexpr float kKnownAlpha = 0.9f;
+constexpr int kMinSide = 64, kMaxSide = 320;  // of a plane's picture, pixels
+constexpr double kPictureReach = 1.5;         // of it, in those of the thing on the plane
+constexpr double kSlabTolerances = 4;         // the picture shows Gaussians so near to the plane
+constexpr double kOutlineMargin = 0.06;       // around the thing's outline, of its reach
+constexpr int kStride = 2;                    // pixels between patches in a view
+constexpr double kFrontRadii = 1;  // what is so much nearer than the thing's center covers it
+
+Eigen::Vector3d ColorAt(const Image& image, size_t pixel) {
+  const uint8_t* rgb = image.pixels.data() + 3 * pixel;
+  return Eigen::Vector3d(rgb[0], rgb[1], rgb[2]) / 255;
+}
+
+// Returns the corners of the convex hull of some points, in order (Andrew's monotone chain).
+std::vector<Eigen::Vector2d> HullOf(std::vector<Eigen::Vector2d> points) {
+  std::ranges::sort(points, [](const auto& a, const auto& b) {
+    return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
+  });
+  const auto turns_left = [](const auto& a, const auto& b, const auto& c) {
+    return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x()) > 0;
+  };
+  std::vector<Eigen::Vector2d> hull;
+  for (int side = 0; side < 2; ++side) {
+    const size_t first = hull.size();
+    for (const Eigen::Vector2d& p : points) {
+      while (hull.size() >= first + 2 && !turns_left(hull[hull.size() - 2], hull.back(), p)) {
+        hull.pop_back();
+      }
+      hull.push_back(p);
+    }
+    hull.pop_back();  // the first corner of the other side
+    std::ranges::reverse(points);
+  }
+  return hull;
+}
+
+// Returns whether a point is in a convex hull, or at most `margin` outside of it.
+bool IsInside(const std::vector<Eigen::Vector2d>& hull, const Eigen::Vector2d& p, double margin) {
+  for (size_t i = 0; i < hull.size(); ++i) {
+    const Eigen::Vector2d along = (hull[(i + 1) % hull.size()] - hull[i]).normalized();
+    const Eigen::Vector2d to = p - hull[i];
+    if (along.x() * to.y() - along.y() * to.x() < -margin) return false;
+  }
+  return !hull.empty();
+}
+
+// A picture of a plane, and how its pixels and the plane correspond.
+struct PlanePicture {
+  ModelView view;
+  double reach = 0;  // of the thing on the plane from its middle, scene units
+  double pixel = 0;  // width of a pixel on the plane, scene units
+
+  Eigen::Vector2d PixelOf(const Eigen::Vector3d& p) const {
+    const Eigen::Vector3d c = view.cam_from_world * p;
+    const Camera& camera = view.camera;
+    return {camera.fx * c.x() / c.z() + camera.cx, camera.fy * c.y() / c.z() + camera.cy};
+  }
+  // Returns the point of the plane at the centre of a pixel.
+  Eigen::Vector3d PointAt(const SupportPlane& plane, int x, int y) const {
+    const Pose world_from_cam = view.cam_from_world.Inverse();
+    const Eigen::Vector3d ray(x + 0.5 - view.camera.cx, y + 0.5 - view.camera.cy, view.camera.fx);
+    const Eigen::Vector3d direction = world_from_cam.rotation * ray;
+    const Eigen::Vector3d& eye = world_from_cam.translation;
+    return eye - plane.Above(eye) / plane.normal.dot(direction) * direction;
+  }
+};
+
+PlanePicture PictureOf(const SupportPlane& plane, std::span<const Eigen::Vector3d> thing,
+                       double scene_radius) {
+  PlanePicture picture;
+  for (const Eigen::Vector3d& p : thing) {
+    const Eigen::Vector3d on_plane = p - plane.Above(p) * plane.normal;
+    picture.reach = std::max(picture.reach, (on_plane - plane.point).norm());
+  }
+  const double half = kPictureReach * picture.reach;
+  const int side = static_cast<int>(std::clamp(2 * half / std::max(plane.spacing, 1e-9 * half),
+                                               double{kMinSide}, double{kMaxSide}));
+  picture.pixel = 2 * half / side;
+  // In front of the near plane of renders, at a hundredth of the scene's radius.
+  const double distance = std::max(3 * half, 0.05 * scene_radius);
+  Camera& camera = picture.view.camera;
+  camera.width = camera.height = side;
+  camera.fx = camera.fy = distance / picture.pixel;
+  camera.cx = camera.cy = side / 2.0;
+  Pose& pose = picture.view.cam_from_world;
+  pose.rotation = Eigen::Quaterniond::FromTwoVectors(-plane.normal, Eigen::Vector3d::UnitZ());
+  pose.translation = -(pose.rotation * (plane.point + distance * plane.normal));
+  return picture;
+}
+
+// What a picture of a plane shows.
+struct PlaneLook {
+  Image color;
+  std::vector<float> alpha;  // [pixels]
+};
+absl::StatusOr<PlaneLook> LookAtPlane(const Segmenter& segmenter, const ModelView& view,
+                                      const GaussianSet& slab) {
+  PlaneLook look;
+  ASSIGN_OR_RETURN(look.color, segmenter.RenderColor(view, &slab));
+  std::vector<int32_t> pixels(static_cast<size_t>(view.camera.width) * view.camera.height);
+  std::iota(pixels.begin(), pixels.end(), 0);
+  ASSIGN_OR_RETURN(const PixelRows rows, segmenter.Rows(view, pixels, &slab));
+  look.alpha.resize(pixels.size());
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    for (int32_t e = rows.first[i]; e < rows.first[i + 1]; ++e) look.alpha[i] += rows.weight[e];
+  }
+  return look;
+}
+
+}  // namespace
+
+NewGaussians GaussiansOf(std::span<const Patch> patches, int sh_degree,
+                         const NearestPoints& nearest, std::span<const int64_t> rows) {
+  NewGaussians added;
+  added.gaussians = Gaussians::Zero(static_cast<int64_t>(patches.size()), sh_degree);
+  for (size_t i = 0; i < patches.size(); ++i) {
+    const Patch& patch = patches[i];
+    const auto set = [&](int plane, double value) {
+      added.gaussians.Plane(plane)[i] = static_cast<float>(value);
+    };
+    const Eigen::Quaterniond q =
+        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), patch.normal);
+    set(kRotationPlane, q.w());
+    for (int k = 0; k < 3; ++k) {
+      set(kMeanPlane + k, patch.mean[k]);
+      set(kLogScalePlane + k, std::log(patch.size * (k == 2 ? kThickness : 1)));
+      set(kRotationPlane + 1 + k, q.vec()[k]);
+      set(kShPlane + k, (patch.color[k] - 0.5) / kSh0);
+    }
+    set(kOpacityPlane, std::log(kOpacity / (1 - kOpacity)));
+    added.like.push_back(rows[nearest.Find(patch.mean).index]);
+  }
+  return added;
+}
+
+absl::StatusOr<std::vector<Patch>> PlanePatches(const Segmenter& segmenter,
+                                                const SupportPlane& plane, const GaussianSet& rest,
+                                                std::span<const int64_t> thing) {
+  const Model& model = segmenter.model();
+  std::vector<Eigen::Vector3d> points;
+  for (const int64_t row : thing) points.push_back(MeanOf(model.gaussians, row));
+  const PlanePicture picture = PictureOf(plane, points, model.scene_radius);
+  GaussianSet slab = rest;
+  for (int64_t i = 0; i < model.gaussians.count; ++i) {
+    const double above = plane.Above(MeanOf(model.gaussians, i));
+    if (std::abs(above) > kSlabTolerances * plane.tolerance) slab.member[i] = 0;
+  }
+  ASSIGN_OR_RETURN(const PlaneLook look, LookAtPlane(segmenter, picture.view, slab));
+  std::vector<Eigen::Vector2d> outline;
+  for (const Eigen::Vector3d& p : points) {
+    outline.push_back(picture.PixelOf(p - plane.Above(p) * plane.normal));
+  }
+  outline = HullOf(std::move(outline));
+  const double margin = std::max(2.0, kOutlineMargin * picture.reach / picture.pixel);
+  HolePicture hole{picture.view.camera.width, picture.view.camera.height, {}, {}, {}};
+  hole.known.resize(look.alpha.size());
+  hole.hole.resize(look.alpha.size());
+  hole.values = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(look.alpha.size()), 3);
+  for (size_t i = 0; i < look.alpha.size(); ++i) {
+    const auto w = static_cast<size_t>(hole.width);
+    const Eigen::Vector2d at(static_cast<double>(i % w) + 0.5, static_cast<double>(i / w) + 0.5);
+    if (look.alpha[i] >= kKnownAlpha) {
+      hole.known[i] = 1;
+      hole.values.row(static_cast<Eigen::Index>(i)) = ColorAt(look.color, i) / look.alpha[i];
+    } else if (IsInside(outline, at, margin)) {
+      hole.hole[i] = 1;
+    }
+  }
+  std::vector<Patch> patches;
+  if (KeepEnclosed(kMinKnown, hole) == 0) return patches;
+  FillSmoothly(hole);
+  for (int y = 0; y < hole.height; ++y) {
+    for (int x = 0; x < hole.width; ++x) {
+      const Eigen::Index i = Eigen::Index{y} * hole.width + x;
+      if (hole.hole[i] == 0) continue;
+      patches.push_back({picture.PointAt(plane, x, y), plane.normal, kSizeInPixels * picture.pixel,
+                         hole.values.row(i)});
+    }
+  }
+  return patches;
+}
+
+std::vector<uint8_t> OpenPixels(const ModelView& view, const ThingLook& look,
+                                std::span<const Patch> patches) {
+  const Camera& camera = view.camera;
+  std::vector<uint8_t> open(look.changed.size());
+  for (size_t i = 0; i < open.size(); ++i) {
+    open[i] = look.changed[i] != 0 && look.depth[i] == 0 ? uint8_t{1} : uint8_t{0};
+  }
+  for (const Patch& patch : patches) {
+    const Eigen::Vector3d p = view.cam_from_world * patch.mean;
+    if (p.z() <= 0) continue;
+    const double x = camera.fx * p.x() / p.z() + camera.cx;
+    const double y = camera.fy * p.y() / p.z() + camera.cy;
+    const double radius = std::max(1.0, 2 * patch.size * camera.fx / p.z());
+    for (int v = std::max(0, static_cast<int>(y - radius));
+         v <= std::min(camera.height - 1, static_cast<int>(y + radius)); ++v) {
+      for (int u = std::max(0, static_cast<int>(x - radius));
+           u <= std::min(camera.width - 1, static_cast<int>(x + radius)); ++u) {
+        open[static_cast<size_t>(v) * camera.width + u] = 0;
+      }
+    }
+  }
+  return open;
+}
+
+std::vector<Patch> ViewPatches(const ModelView& view, const ThingLook& look,
+                               std::vector<uint8_t> open, const ThingSpace& space) {
+  const Camera& camera = view.camera;
+  HolePicture picture{camera.width, camera.height, {}, std::move(open), {}};
+  const double nearest =
+      (view.cam_from_world * space.center).z() - kFrontRadii * space.radius;  // of what is behind
+  picture.known.resize(look.depth.size());
+  picture.values = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(look.depth.size()), 4);
+  for (size_t i = 0; i < look.depth.size(); ++i) {
+    if (look.depth[i] == 0 || look.depth[i] < nearest) continue;
+    picture.known[i] = 1;
+    picture.values.row(static_cast<Eigen::Index>(i)) << ColorAt(look.color, i).transpose(),
+        1 / look.depth[i];
+  }
+  std::vector<Patch> patches;
+  if (KeepEnclosed(kMinKnown, picture) == 0) return patches;
+  FillSmoothly(picture);
+  const Pose world_from_cam = view.cam_from_world.Inverse();
+  const auto point_at = [&](int x, int y) -> Eigen::Vector3d {
+    const double depth = 1 / picture.values(Eigen::Index{y} * camera.width + x, 3);
+    return depth *
+           Eigen::Vector3d((x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy, 1);
+  };
+  for (int y = 0; y + 1 < camera.height; y += kStride) {
+    for (int x = 0; x + 1 < camera.width; x += kStride) {
+      const Eigen::Index i = Eigen::Index{y} * camera.width + x;
+      if (picture.hole[i] == 0) continue;
+      const Eigen::Vector3d p = point_at(x, y);
+      Eigen::Vector3d normal = -p.normalized();  // to the camera where the neighbours are no hole
+      if (picture.hole[i + 1] != 0 && picture.hole[i + camera.width] != 0) {
+        normal = (point_at(x, y + 1) - p).cross(point_at(x + 1, y) - p).normalized();
+      }
+      patches.push_back({world_from_cam * p, world_from_cam.rotation * normal,
+                         kSizeInPixels * kStride * p.z() / camera.fx,
+                         picture.values.row(i).head(3)});
+    }
+  }
+  return patches;
+}
+
+}  // namespace pepeseg

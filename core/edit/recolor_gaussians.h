@@ -1,0 +1,22 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+
+#include "core/scene/gaussians.h"
+
+namespace pepeseg {
+
+struct NewColor {
+  Eigen::Vector3d color = Eigen::Vector3d::Zero();  // R, G, B in [0, 1]
+  double strength = 1;                              // share of it, in (0, 1]
+};
+
+// Gives the Gaussians with the indices `rows` another colour. With strength 1 the colour c of a
+// Gaussian, in each direction, becomes `color` * Y(c) / Y: Y(c) is its luminance (Rec. 709), Y the
+// mean luminance of all, by their opacities. So their mean becomes `color`, and shades and
+// highlights stay. There must be a row.
+void RecolorGaussians(const NewColor& to, std::span<const int64_t> rows, Gaussians& gaussians);
+
+}  // namespace pepeseg
