@@ -7,7 +7,7 @@ namespace pepeseg {
 
 // Version of the schema in schema.sql. A database of another version is refused: there are no
 // migrations before the first release. Versions below 10 were those of development.
-inline constexpr int kSchemaVersion = 13;
+inline constexpr int kSchemaVersion = 14;
 
 // The text of schema.sql, which CMake embeds.
 extern const char kSchemaText[];
