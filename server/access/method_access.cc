@@ -7,6 +7,7 @@
 #include "absl/strings/str_split.h"
 #include "pepeseg/v1/admin_service.pb.h"
 #include "pepeseg/v1/dataset_service.pb.h"
+#include "pepeseg/v1/edit_service.pb.h"
 #include "pepeseg/v1/evaluation_service.pb.h"
 #include "pepeseg/v1/job_service.pb.h"
 #include "pepeseg/v1/label_service.pb.h"
@@ -63,7 +64,7 @@ Table MakeTable() {
         v1::GetJobRequest::descriptor()->file(), v1::SegmentViewsRequest::descriptor()->file(),
         v1::GetLabelRequest::descriptor()->file(), v1::GetSelectionRequest::descriptor()->file(),
         v1::RenderViewRequest::descriptor()->file(), v1::EvaluateModelRequest::descriptor()->file(),
-        v1::LoadModelRequest::descriptor()->file()}) {
+        v1::EditModelRequest::descriptor()->file(), v1::LoadModelRequest::descriptor()->file()}) {
     for (int i = 0; i < file->service_count(); ++i) {
       const google::protobuf::ServiceDescriptor& service = *file->service(i);
       for (int k = 0; k < service.method_count(); ++k) AddMethod(*service.method(k), table);
