@@ -9,11 +9,14 @@ from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import grpc
+import numpy as np
+import numpy.typing as npt
 
 from pepeseg import (
     annotation_files,
     cameras,
     corrections,
+    edits,
     errors,
     evaluation,
     exports,
@@ -169,6 +172,10 @@ class Selection(subsets.SelectionInfo):
         """
         return await self._client.undo(self)
 
+    async def gaussians(self) -> npt.NDArray[np.bool_]:
+        """Returns which Gaussians of its model it has: see `pepeseg.Selection.gaussians`."""
+        return await self._client.gaussians(self)
+
     async def delete(self) -> None:
         """Deletes the selection on the server."""
         await self._client.delete_selection(self)
@@ -246,6 +253,11 @@ class Client(SceneClient):
     propose = awaited(segmentation.propose)
     find = awaited(finding.find)
     correct = awaited(corrections.correct)
+    remove = awaited(edits.remove)
+    keep = awaited(edits.keep)
+    move = awaited(edits.move)
+    copy = awaited(edits.copy)
+    recolor = awaited(edits.recolor)
     evaluate = awaited(evaluation.evaluate)
     sam_agreement = awaited(evaluation.sam_agreement)
     decompose = awaited(subsets.decompose)
@@ -260,9 +272,11 @@ class Client(SceneClient):
     export_annotations = awaited(annotation_files.export_annotations)
 
     select = _selecting(of_selections.select)
+    select_gaussians = _selecting(of_selections.select_gaussians)
     combine = _selecting(of_selections.combine)
     undo = _selecting(of_selections.undo)
     selection = _selecting(of_selections.get_selection)
+    gaussians = awaited(of_selections.gaussians)
     delete_selection = awaited(of_selections.delete_selection)
 
     async def selections(self) -> list[Selection]:

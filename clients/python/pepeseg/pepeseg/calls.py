@@ -20,6 +20,7 @@ from pepeseg.channel import Connection
 from pepeseg.proxy import Proxy
 from pepeseg.v1 import (
     dataset_service_pb2_grpc,
+    edit_service_pb2_grpc,
     evaluation_service_pb2_grpc,
     job_service_pb2_grpc,
     label_service_pb2_grpc,
@@ -110,6 +111,7 @@ class Services:
             "segmentation": segmentation_service_pb2_grpc.SegmentationServiceStub,
             "labels": label_service_pb2_grpc.LabelServiceStub,
             "selections": selection_service_pb2_grpc.SelectionServiceStub,
+            "editing": edit_service_pb2_grpc.EditServiceStub,
             "rendering": render_service_pb2_grpc.RenderServiceStub,
             "evaluation": evaluation_service_pb2_grpc.EvaluationServiceStub,
         }
