@@ -97,9 +97,7 @@ class _Awaiting:
         if isinstance(step, Send):
             return await self._send(step)
         if isinstance(step, Receive):
-            async for message in self.stream(step):
-                step.take(message)
-            return None
+            return await self._receive(step)
         if isinstance(step, Pause):
             return await asyncio.sleep(step.seconds)
         return await asyncio.to_thread(step.do)
@@ -114,6 +112,21 @@ class _Awaiting:
             except grpc.RpcError as error:
                 failure = errors.from_rpc(error, self._proxy)
             await asyncio.sleep(patience.pause_after(failure, step.repeatable))
+
+    async def _receive(self, step: Receive) -> None:
+        patience = Patience(self._patience)
+        while True:
+            has_begun = False
+            try:
+                async for message in self.stream(step):
+                    has_begun = True
+                    step.take(message)
+                return
+            except errors.PepesegError as error:
+                if has_begun:
+                    raise
+                failure = error
+            await asyncio.sleep(patience.pause_after(failure, repeatable=False))
 
     async def _send(self, step: Send) -> Any:
         call = self._services.method(step)(metadata=metadata_of(self._metadata, step.scene))

@@ -1,12 +1,22 @@
 """Tests what edits and given Gaussians ask for. The first tests play the server."""
 
+import asyncio
+from concurrent import futures
+
+import grpc
 import numpy as np
 import pytest
 
 import pepeseg
-from pepeseg import edits, selections
+from pepeseg import aio, edits, selections
 from pepeseg.calls import Place, Receive
-from pepeseg.v1 import edit_service_pb2, scene_service_pb2, selection_service_pb2
+from pepeseg.v1 import (
+    edit_service_pb2,
+    edit_service_pb2_grpc,
+    errors_pb2,
+    scene_service_pb2,
+    selection_service_pb2,
+)
 
 AT = Place("scenes/shelf", "scenes/shelf/models/live")
 VIEW = "frame-000000.jpg"
@@ -125,6 +135,70 @@ class TestEdits:
     def test_wrong_arguments_are_refused_before_sending(self, steps, why):
         with pytest.raises(pepeseg.InvalidArgumentError, match=why):
             next(steps)
+
+
+class BusyServer(edit_service_pb2_grpc.EditServiceServicer):
+    """Puts off the first edit, before or after it has reported progress."""
+
+    def __init__(self, late):
+        self.calls = 0
+        self._late = late
+        self._server = grpc.server(futures.ThreadPoolExecutor(2))
+        edit_service_pb2_grpc.add_EditServiceServicer_to_server(self, self._server)
+        self.address = f"127.0.0.1:{self._server.add_insecure_port('127.0.0.1:0')}"
+        self._server.start()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._server.stop(None)
+
+    def EditModel(self, request, context):
+        self.calls += 1
+        part = edit_service_pb2.EditModelResponse
+        if self._late:
+            yield part(progress=part.Progress(activity="training", num_all=2))
+        if self.calls == 1:
+            info = errors_pb2.ErrorInfo(reason="BUSY", domain="pepeseg")
+            retry = errors_pb2.RetryInfo()
+            retry.retry_delay.FromMilliseconds(20)
+            detail = errors_pb2.Status()
+            for kind, message in (("ErrorInfo", info), ("RetryInfo", retry)):
+                detail.details.add(
+                    type_url=f"type.googleapis.com/google.rpc.{kind}",
+                    value=message.SerializeToString(),
+                )
+            trailer = ("grpc-status-details-bin", detail.SerializeToString())
+            context.set_trailing_metadata((trailer,))
+            context.abort(grpc.StatusCode.UNAVAILABLE, "not now")
+        yield part(result=part.Result(model="m2", num_removed=request.remove.fill))
+
+
+class TestBusyServer:
+    def remove(self, server, awaited):
+        if not awaited:
+            with pepeseg.Client("shelf", server=server.address) as client:
+                return client.remove(1)
+
+        async def body():
+            async with aio.Client("shelf", server=server.address) as client:
+                return await client.remove(1)
+
+        return asyncio.run(body())
+
+    @pytest.mark.parametrize("awaited", [False, True])
+    def test_an_edit_that_was_put_off_is_repeated(self, awaited):
+        with BusyServer(late=False) as server:
+            assert self.remove(server, awaited).num_removed == 1
+            assert server.calls == 2
+
+    @pytest.mark.parametrize("awaited", [False, True])
+    def test_an_edit_that_has_begun_is_not_repeated(self, awaited):
+        with BusyServer(late=True) as server:
+            with pytest.raises(pepeseg.UnavailableError):
+                self.remove(server, awaited)
+            assert server.calls == 1
 
 
 class TestGivenGaussians:
