@@ -255,7 +255,7 @@ absl::StatusOr<v1::EditModelResponse::Result> Client::Edit(
   const RetryBudget retries(kCallSeconds);
   while (true) {
     bool has_begun = false;
-    const auto result = EditOnce(*editing_, request, [&](const auto& progress) {
+    auto result = EditOnce(*editing_, request, [&](const auto& progress) {
       has_begun = true;
       on_progress(progress);
     });
