@@ -26,6 +26,7 @@ void AddVerbs(CLI::App& app, Shell& shell) {
   AddSelect(app, shell);
   AddSelections(app, shell);
   AddCombine(app, shell);
+  AddEdit(app, shell);
   AddFind(app, shell);
   AddDecompose(app, shell);
   AddExport(app, shell);

@@ -60,7 +60,7 @@ void AddPointFlags(CLI::App& verb, PromptFlags& flags) {
   AddNegative(verb, flags, AddPoint(verb, flags)->required());
 }
 
-void AddPromptFlags(CLI::App& verb, PromptFlags& flags, bool optional) {
+CLI::Option_group* AddPromptFlags(CLI::App& verb, PromptFlags& flags, bool optional) {
   CLI::Option* view = AddSceneAndView(verb, flags);
   // The group holds the flags of which exactly one kind must be given; the others add to one.
   CLI::Option_group* what = verb.add_option_group("prompt", "The prompt");
@@ -86,6 +86,7 @@ void AddPromptFlags(CLI::App& verb, PromptFlags& flags, bool optional) {
   verb.add_option("--stroke-width", flags.stroke_width, "Width of the lines, pixels; 0: thin")
       ->check(CLI::Range(0.0, 256.0))
       ->needs(scribble);
+  return what;
 }
 
 void AddGranularityFlags(CLI::App& verb, GranularityFlags& flags) {
@@ -153,11 +154,14 @@ void AddScalesFlag(CLI::App& verb, std::vector<double>& scales) {
       ->check(CLI::Range(0.0, 1.0));
 }
 
-void AddSubsetFlags(CLI::App& verb, SubsetFlags& flags) {
-  CLI::Option* selection = verb.add_option("--selection", flags.selection,
+void AddSubsetFlags(CLI::App& verb, SubsetFlags& flags, CLI::App* group) {
+  CLI::App& naming = group == nullptr ? verb : *group;
+  CLI::Option* selection = naming
+                               .add_option("--selection", flags.selection,
                                            "Only the Gaussians of this selection, by number")
                                ->check(CLI::PositiveNumber);
-  verb.add_option("--segment", flags.segment,
+  naming
+      .add_option("--segment", flags.segment,
                   "Only the Gaussians of this segment: LEVEL:ID as `pepeseg decompose` prints it")
       ->excludes(selection);
   AddScalesFlag(verb, flags.scales);

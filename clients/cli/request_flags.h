@@ -28,8 +28,8 @@ struct PromptFlags {
 // Adds flags for a prompt of points.
 void AddPointFlags(CLI::App& verb, PromptFlags& flags);
 // Adds flags for a prompt of any kind; the user must give exactly one, or at most one if
-// `optional`.
-void AddPromptFlags(CLI::App& verb, PromptFlags& flags, bool optional = false);
+// `optional`. Returns the group of the kinds; what is added to it takes the place of a prompt.
+CLI::Option_group* AddPromptFlags(CLI::App& verb, PromptFlags& flags, bool optional = false);
 // Returns the prompt. Errors are those of AddToPrompt.
 absl::StatusOr<v1::Prompt> ParsePrompt(const PromptFlags& flags);
 
@@ -58,7 +58,8 @@ struct SubsetFlags {
   std::vector<double> scales;  // of the decomposition that has the segment; empty: the server's
   bool without = false;        // all other Gaussians instead
 };
-void AddSubsetFlags(CLI::App& verb, SubsetFlags& flags);
+// Adds the flags; those that name a subset to `group`, if there is one.
+void AddSubsetFlags(CLI::App& verb, SubsetFlags& flags, CLI::App* group = nullptr);
 // Returns the subset of a model of `scene`. INVALID_ARGUMENT: the segment is not LEVEL:ID, or
 // --without is given without a selection or a segment.
 absl::StatusOr<v1::Subset> ParseSubset(const SubsetFlags& flags, const std::string& scene);

@@ -108,6 +108,18 @@ absl::Status RunScenes(const Shell& shell, const ScenesFlags& flags) {
   return DescribeScene(shell, client, SceneName(flags.scene));
 }
 
+// Returns "corrected 1" or "edited 1: removed 1,204 Gaussians and filled the hole"; "-": a training
+// made the model.
+std::string ChangeText(const v1::Model& model) {
+  if (!model.edited_from().empty()) {
+    return absl::StrCat("edited ", IdOf(model.edited_from()), ": ", model.edit());
+  }
+  if (!model.corrected_from().empty()) {
+    return absl::StrCat("corrected ", IdOf(model.corrected_from()));
+  }
+  return "-";
+}
+
 struct ModelsFlags {
   std::string scene;
   int number = 0;       // of a model; 0: list all
@@ -124,7 +136,8 @@ TableRow RowOf(const v1::Model& model, absl::Time now) {
           psnr == model.metrics().end() ? "-" : absl::StrFormat("%.2f dB", psnr->second),
           model.job(),
           model.dataset().empty() ? "-" : IdOf(model.dataset()),
-          SourcesText(model)};
+          SourcesText(model),
+          ChangeText(model)};
 }
 
 // Prints a table of the models of a scene.
@@ -135,7 +148,7 @@ absl::Status ListModels(const Shell& shell, const Client& client, const std::str
     return absl::OkStatus();
   }
   std::vector<TableRow> rows = {
-      {"MODEL", "AGE", "SIZE", "GAUSSIANS", "PSNR", "JOB", "DATASET", "TRAINED ON"}};
+      {"MODEL", "AGE", "SIZE", "GAUSSIANS", "PSNR", "JOB", "DATASET", "TRAINED ON", "CHANGE"}};
   for (const v1::Model& model : all.models()) rows.push_back(RowOf(model, absl::Now()));
   for (const std::string& line : TextTable(rows)) Print(line);
   return absl::OkStatus();
@@ -151,6 +164,9 @@ absl::Status DescribeModel(const Shell& shell, const Client& client, const std::
   Print(absl::StrFormat("%s  %d Gaussians, %s", model.name(), model.num_gaussians(),
                         SizeText(model.num_bytes())));
   if (!model.corrected_from().empty()) Print("  corrected from " + model.corrected_from());
+  if (!model.edited_from().empty()) {
+    Print(absl::StrCat("  edited from ", model.edited_from(), ": ", model.edit()));
+  }
   PrintFacts(model);
   return absl::OkStatus();
 }
@@ -192,7 +208,8 @@ void AddModels(CLI::App& app, Shell& shell) {
                      "Delete the model with its selections; if it is the live one, the model that "
                      "was live before becomes it")
           ->needs(number);
-  verb->add_flag("--live", flags->live, "Make the model the live one: undoes a correction")
+  verb->add_flag("--live", flags->live,
+                 "Make the model the live one: undoes a correction or an edit")
       ->needs(number)
       ->excludes(remove);
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunModels(shell, *flags); }; });

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "clients/cli/gaussian_indices.h"
 #include "clients/cli/request_flags.h"
 #include "clients/cli/verbs.h"
 #include "clients/cpp/client.h"
@@ -26,6 +27,8 @@ struct SelectFlags {
   int num_views = 0;                                 // that vote; 0: the server chooses
   bool keep_disconnected = false;
   std::optional<bool> sam_clicks;  // absent: as the server chooses
+  std::string name;                // for people
+  std::string indices;             // file with Gaussians in place of a prompt; "-": standard input
   std::string out;                 // folder for a picture; empty: none
 };
 
@@ -55,7 +58,7 @@ std::string SelectionName(const std::string& scene, int number) {
   return absl::StrCat(SceneName(scene), "/selections/", number);
 }
 
-// Prints the name, model, size, extent and base of a selection.
+// Prints the name, model, size, extent, base and display name of a selection.
 void PrintSelection(const Shell& shell, const v1::Selection& selection) {
   if (shell.json) return PrintJson(selection);
   std::string line = absl::StrFormat("%s  %s  %d Gaussians", selection.name(), selection.model(),
@@ -66,6 +69,9 @@ void PrintSelection(const Shell& shell, const v1::Selection& selection) {
                           max.y() - min.y(), max.z() - min.z());
   }
   if (!selection.base().empty()) absl::StrAppend(&line, "  from ", selection.base());
+  if (!selection.display_name().empty()) {
+    absl::StrAppend(&line, "  \"", selection.display_name(), "\"");
+  }
   Print(line);
 }
 
@@ -97,21 +103,37 @@ absl::Status WritePicture(const Client& client, const SelectFlags& flags,
   return absl::OkStatus();
 }
 
+// Sets the Gaussians whose indices are in the file, of the model that the request's name means now.
+absl::Status SetGaussians(const Client& client, const std::string& file,
+                          v1::CreateSelectionRequest& request) {
+  ASSIGN_OR_RETURN(const std::string text, ReadIndices(file));
+  ASSIGN_OR_RETURN(const v1::Model model, client.GetModel(request.model()));
+  ASSIGN_OR_RETURN(*request.mutable_gaussians()->mutable_bits(),
+                   BitsOfIndices(text, file, model.num_gaussians()));
+  request.set_model(model.name());
+  return absl::OkStatus();
+}
+
 absl::Status RunSelect(const Shell& shell, const SelectFlags& flags) {
   if (!flags.out.empty() && flags.prompt.view.empty()) {
     return absl::InvalidArgumentError(
-        "--out renders the view of the prompt, and a label has no --view");
+        "--out renders the view of the prompt, and a label or indices have no --view");
   }
+  const Client client(shell.channel);
   v1::CreateSelectionRequest request;
   request.set_model(ModelName(flags.prompt.scene, flags.prompt.model));
-  ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  if (flags.indices.empty()) {
+    ASSIGN_OR_RETURN(*request.mutable_prompt(), ParsePrompt(flags.prompt));
+  } else {
+    RETURN_IF_ERROR(SetGaussians(client, flags.indices, request));
+  }
+  request.set_display_name(flags.name);
   *request.mutable_granularity() = ToGranularity(flags.granularity);
   request.set_num_views(flags.num_views);
   request.set_keep_disconnected(flags.keep_disconnected);
   if (flags.sam_clicks) request.set_sam_clicks(*flags.sam_clicks);
   request.set_frame(flags.prompt.frame);
   SetBase(flags, request);
-  const Client client(shell.channel);
   ASSIGN_OR_RETURN(const v1::Selection selection, client.Select(std::move(request)));
   PrintSelection(shell, selection);
   return flags.out.empty() ? absl::OkStatus() : WritePicture(client, flags, selection);
@@ -149,13 +171,26 @@ absl::Status RunCombine(const Shell& shell, const CombineFlags& flags) {
   return absl::OkStatus();
 }
 
+// Adds --indices to the kinds of prompts, which excludes what says how a prompt is meant.
+void AddIndicesFlag(CLI::App& verb, CLI::Option_group& what, std::string& indices) {
+  CLI::Option* option =
+      what.add_option("--indices", indices,
+                      "These Gaussians in place of a prompt: a text file (-: standard input) with "
+                      "one index a line, from 0, in the order of an exported PLY")
+          ->type_name("FILE");
+  for (const char* of_prompt : {"--scale", "--scale-units", "--threshold", "--views",
+                                "--keep-disconnected", "--sam-clicks"}) {
+    option->excludes(verb.get_option(of_prompt));
+  }
+}
+
 }  // namespace
 
 void AddSelect(CLI::App& app, Shell& shell) {
   auto flags = std::make_shared<SelectFlags>();
   CLI::App* verb =
       app.add_subcommand("select", "Select the Gaussians of what a click means, in 3D");
-  AddPromptFlags(*verb, flags->prompt);
+  CLI::Option_group* what = AddPromptFlags(*verb, flags->prompt);
   AddGranularityFlags(*verb, flags->granularity);
   CLI::Option* add =
       verb->add_option("--add-to", flags->add_to, "Unite with the selection of this number")
@@ -173,6 +208,8 @@ void AddSelect(CLI::App& app, Shell& shell) {
   verb->add_flag("--keep-disconnected", flags->keep_disconnected,
                  "Keep Gaussians that are not connected to what is clicked");
   AddSamClicksFlag(*verb, flags->sam_clicks);
+  AddIndicesFlag(*verb, *what, flags->indices);
+  verb->add_option("--name", flags->name, "Name of the selection, for people");
   verb->add_option("--out", flags->out, "Folder for STEM_selection.png");
   verb->callback([flags, &shell] { shell.verb = [&, flags] { return RunSelect(shell, *flags); }; });
 }

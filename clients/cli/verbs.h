@@ -28,6 +28,7 @@ void AddLabels(CLI::App& app, Shell& shell);
 void AddSelect(CLI::App& app, Shell& shell);
 void AddSelections(CLI::App& app, Shell& shell);
 void AddCombine(CLI::App& app, Shell& shell);
+void AddEdit(CLI::App& app, Shell& shell);
 void AddDecompose(CLI::App& app, Shell& shell);
 void AddExport(CLI::App& app, Shell& shell);
 void AddMesh(CLI::App& app, Shell& shell);

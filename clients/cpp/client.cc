@@ -18,6 +18,7 @@ using Jobs = v1::JobService::Stub;
 using Segmentation = v1::SegmentationService::Stub;
 using Labels = v1::LabelService::Stub;
 using Selections = v1::SelectionService::Stub;
+using Editing = v1::EditService::Stub;
 using Rendering = v1::RenderService::Stub;
 using Evaluation = v1::EvaluationService::Stub;
 
@@ -70,6 +71,24 @@ absl::Status WatchOnce(Jobs& jobs, const std::string& job, Watched& watched,
   return FromGrpc(stream->Finish());
 }
 
+// Reads the stream of one edit to its end.
+absl::StatusOr<v1::EditModelResponse::Result> EditOnce(
+    Editing& editing, const v1::EditModelRequest& request,
+    absl::FunctionRef<void(const v1::EditModelResponse::Progress&)> on_progress) {
+  // No deadline: on a CPU a hole takes a minute, after the edits that are waiting.
+  Call call(SceneOf(request.model()), 0);
+  auto stream = editing.EditModel(call, request);
+  std::optional<v1::EditModelResponse::Result> result;
+  v1::EditModelResponse part;
+  while (stream->Read(&part)) {
+    if (part.has_progress()) on_progress(part.progress());
+    if (part.has_result()) result = part.result();
+  }
+  RETURN_IF_ERROR(FromGrpc(stream->Finish()));
+  if (!result) return absl::InternalError("the edit ended without a result");
+  return *std::move(result);
+}
+
 // Returns true for an error of the connection, after which a watch is resumed.
 bool IsAway(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status);
@@ -84,6 +103,7 @@ Client::Client(const std::shared_ptr<grpc::Channel>& channel)
       segmentation_(v1::SegmentationService::NewStub(channel)),
       labels_(v1::LabelService::NewStub(channel)),
       selections_(v1::SelectionService::NewStub(channel)),
+      editing_(v1::EditService::NewStub(channel)),
       rendering_(v1::RenderService::NewStub(channel)),
       evaluation_(v1::EvaluationService::NewStub(channel)) {}
 
@@ -229,6 +249,21 @@ absl::StatusOr<v1::CorrectSegmentResponse> Client::Correct(
   return Ask(*segmentation_, &Segmentation::CorrectSegment, SceneOf(request.model()), request);
 }
 
+absl::StatusOr<v1::EditModelResponse::Result> Client::Edit(
+    const v1::EditModelRequest& request,
+    absl::FunctionRef<void(const v1::EditModelResponse::Progress&)> on_progress) const {
+  const RetryBudget retries(kCallSeconds);
+  while (true) {
+    bool has_begun = false;
+    auto result = EditOnce(*editing_, request, [&](const auto& progress) {
+      has_begun = true;
+      on_progress(progress);
+    });
+    // A stream that the server puts off has sent nothing.
+    if (result.ok() || has_begun || !retries.WaitAfter(result.status())) return result;
+  }
+}
+
 absl::StatusOr<v1::EvaluateModelResponse> Client::Evaluate(
     const v1::EvaluateModelRequest& request) const {
   return Ask(*evaluation_, &Evaluation::EvaluateModel, SceneOf(request.model()), request,
@@ -279,9 +314,11 @@ absl::StatusOr<v1::Selection> Client::UndoSelection(const std::string& selection
              Named<v1::UndoSelectionRequest>(selection));
 }
 
-absl::StatusOr<v1::Selection> Client::GetSelection(const std::string& selection) const {
-  return Ask(*selections_, &Selections::GetSelection, SceneOf(selection),
-             Named<v1::GetSelectionRequest>(selection));
+absl::StatusOr<v1::Selection> Client::GetSelection(const std::string& selection,
+                                                   bool want_gaussians) const {
+  auto request = Named<v1::GetSelectionRequest>(selection);
+  request.set_want_gaussians(want_gaussians);
+  return Ask(*selections_, &Selections::GetSelection, SceneOf(selection), request);
 }
 
 absl::StatusOr<v1::ListSelectionsResponse> Client::ListSelections(const std::string& scene) const {

@@ -13,6 +13,7 @@
 #include "absl/status/statusor.h"
 #include "clients/cpp/dataset_folder.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
+#include "pepeseg/v1/edit_service.grpc.pb.h"
 #include "pepeseg/v1/evaluation_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/label_service.grpc.pb.h"
@@ -114,6 +115,11 @@ class Client {
   // Makes a new model, which is live. A call whose response was lost is not repeated.
   absl::StatusOr<v1::CorrectSegmentResponse> Correct(
       const v1::CorrectSegmentRequest& request) const;
+  // Makes a new model by one edit of Gaussians, which is live. Calls `on_progress` while a hole is
+  // filled. An edit whose result was lost is not repeated.
+  absl::StatusOr<v1::EditModelResponse::Result> Edit(
+      const v1::EditModelRequest& request,
+      absl::FunctionRef<void(const v1::EditModelResponse::Progress&)> on_progress) const;
   absl::StatusOr<v1::EvaluateModelResponse> Evaluate(const v1::EvaluateModelRequest& request) const;
   absl::StatusOr<v1::RenderViewResponse> Render(const v1::RenderViewRequest& request) const;
   // Writes a model, or a subset of it, to `file`. The file appears only once all of its
@@ -139,7 +145,9 @@ class Client {
   absl::StatusOr<v1::Selection> Select(v1::CreateSelectionRequest request) const;
   absl::StatusOr<v1::Selection> CombineSelections(v1::CombineSelectionsRequest request) const;
   absl::StatusOr<v1::Selection> UndoSelection(const std::string& selection) const;
-  absl::StatusOr<v1::Selection> GetSelection(const std::string& selection) const;
+  // want_gaussians: as GetSelectionRequest.want_gaussians.
+  absl::StatusOr<v1::Selection> GetSelection(const std::string& selection,
+                                             bool want_gaussians = false) const;
   absl::StatusOr<v1::ListSelectionsResponse> ListSelections(const std::string& scene) const;
   absl::Status DeleteSelection(const std::string& selection) const;
 
@@ -150,6 +158,7 @@ class Client {
   std::unique_ptr<v1::SegmentationService::Stub> segmentation_;
   std::unique_ptr<v1::LabelService::Stub> labels_;
   std::unique_ptr<v1::SelectionService::Stub> selections_;
+  std::unique_ptr<v1::EditService::Stub> editing_;
   std::unique_ptr<v1::RenderService::Stub> rendering_;
   std::unique_ptr<v1::EvaluationService::Stub> evaluation_;
 };

@@ -23,9 +23,10 @@ constexpr absl::Duration kMaxStale = absl::Seconds(2);
 constexpr size_t kMaxOpened = 10'000;  // credentials that are remembered
 // How the names of the methods begin whose calls are queries (see pepeseg.v1.Quota).
 constexpr std::array kQueryMethods = {
-    "pepeseg.v1.SegmentationService.", "pepeseg.v1.LabelService.",
-    "pepeseg.v1.SelectionService.",    "pepeseg.v1.RenderService.",
-    "pepeseg.v1.EvaluationService.",   "pepeseg.v1.DatasetService.GetPhotograph"};
+    "pepeseg.v1.SegmentationService.",        "pepeseg.v1.LabelService.",
+    "pepeseg.v1.SelectionService.",           "pepeseg.v1.RenderService.",
+    "pepeseg.v1.EvaluationService.",          "pepeseg.v1.EditService.",
+    "pepeseg.v1.DatasetService.GetPhotograph"};
 
 bool IsQuery(const google::protobuf::Message& request) {
   const MethodAccess* access = FindMethodAccess(*request.GetDescriptor());

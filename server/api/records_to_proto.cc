@@ -123,6 +123,7 @@ v1::Selection ToProto(const SelectionRecord& record) {
     *proto.mutable_box()->mutable_max() = VectorToProto(record.max);
   }
   if (record.base != 0) proto.set_base(ChildName(record.scene, "selections", record.base));
+  proto.set_display_name(record.display_name);
   *proto.mutable_create_time() = ToProto(record.create_time);
   return proto;
 }

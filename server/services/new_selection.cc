@@ -10,6 +10,7 @@
 #include "server/api/convert.h"
 #include "server/api/decomposition.h"
 #include "server/api/error.h"
+#include "server/api/gaussian_bits.h"
 #include "server/api/records_to_proto.h"
 #include "server/api/segment_request.h"
 #include "server/services/sam_choice.h"
@@ -17,12 +18,18 @@
 namespace pepeseg {
 namespace {
 
+constexpr size_t kMaxDisplayNameBytes = 256;
+
 absl::Status CheckCreate(const v1::CreateSelectionRequest& request) {
   RETURN_IF_ERROR(AtField(CheckNumVoting(request.num_views()), ""));
   RETURN_IF_ERROR(CheckOperation(request.operation()));
   if (OperationOr(request.operation(), v1::SET_OPERATION_REPLACE) != v1::SET_OPERATION_REPLACE &&
       request.base().empty()) {
     return BadField("base", "", "an operation needs a base");
+  }
+  if (request.display_name().size() > kMaxDisplayNameBytes) {
+    return BadField("display_name", absl::StrCat(request.display_name().size()),
+                    absl::StrCat("bytes; allowed are ", kMaxDisplayNameBytes));
   }
   return CheckRequestId(request.request_id());
 }
@@ -58,6 +65,7 @@ absl::StatusOr<std::unique_ptr<NewSelection>> NewSelection::Begin(
   RETURN_IF_ERROR(CheckCreate(request));
   auto made = absl::WrapUnique(new NewSelection(tools, call, request));
   made->record_.scene = named.scene;
+  made->record_.display_name = request.display_name();
   SetRequest(request, made->record_);
   ASSIGN_OR_RETURN(auto earlier, tools.selections.FindEarlier(made->record_));
   made->is_earlier_ = earlier.has_value();
@@ -65,8 +73,11 @@ absl::StatusOr<std::unique_ptr<NewSelection>> NewSelection::Begin(
     made->record_ = *std::move(earlier);
     return made;
   }
+  // Given Gaussians need no features.
   ASSIGN_OR_RETURN(made->model_,
-                   tools.models.LoadWithFeatures(call.scenes(), request.model(), "model"));
+                   request.has_gaussians()
+                       ? tools.models.Load(call.scenes(), request.model(), "model")
+                       : tools.models.LoadWithFeatures(call.scenes(), request.model(), "model"));
   RETURN_IF_ERROR(call.CheckWanted());
   RETURN_IF_ERROR(made->Read(call.scenes()));
   return made;
@@ -101,7 +112,12 @@ absl::Status NewSelection::ReadPrompt() {
 
 absl::StatusOr<GaussianSet> NewSelection::Select() {
   if (request_.has_segment()) return FindSegment(*model_, request_.segment(), "segment");
-  if (!request_.has_prompt()) return BadField("prompt", "", "neither a prompt nor a segment");
+  if (request_.has_gaussians()) {
+    return SetFromProto(request_.gaussians(), model_->model().gaussians.count, "gaussians.bits");
+  }
+  if (!request_.has_prompt()) {
+    return BadField("prompt", "", "is missing, and so are a segment and Gaussians");
+  }
   const auto check = [this] { return call_.CheckWanted(); };
   auto set = model_->Select(asked_, check);
   // Where nobody asked for SAM, a selection without it is better than none.

@@ -8,10 +8,26 @@
 #include "core/base/status_macros.h"
 #include "server/api/convert.h"
 #include "server/api/error.h"
+#include "server/api/gaussian_bits.h"
 #include "server/api/records_to_proto.h"
 #include "server/services/new_selection.h"
 
 namespace pepeseg {
+namespace {
+
+// Bound of GetSelection's Gaussians: their bits are within kAnswerBytes.
+constexpr int64_t kMaxGaussiansInAnswer = 30'000'000;
+static_assert(kMaxGaussiansInAnswer / 8 < static_cast<int64_t>(kAnswerBytes) - (64 << 10));
+
+// Returns RESOURCE_EXHAUSTED for a model whose bits do not fit into an answer.
+absl::Status CheckBitsFit(const SelectionRecord& record) {
+  if (record.model_gaussians <= kMaxGaussiansInAnswer) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat(
+      "want_gaussians: the model has ", record.model_gaussians, " Gaussians; the bits of at most ",
+      kMaxGaussiansInAnswer, " fit into an answer"));
+}
+
+}  // namespace
 
 SelectionServiceRpc::SelectionServiceRpc(const CallRunner& runner, ModelLoader& models,
                                          ViewImages& images, Selections& selections)
@@ -88,6 +104,10 @@ absl::Status SelectionServiceRpc::GetSelection(const UnaryCall& call,
   ASSIGN_OR_RETURN(const SelectionRecord record,
                    selections_.FindRecord(call.scenes(), request.name(), "name"));
   *response = ToProto(record);
+  if (!request.want_gaussians()) return absl::OkStatus();
+  RETURN_IF_ERROR(CheckBitsFit(record));
+  ASSIGN_OR_RETURN(const GaussianSet set, selections_.Read(record));
+  *response->mutable_gaussians() = ToProto(set);
   return absl::OkStatus();
 }
 

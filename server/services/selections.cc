@@ -60,6 +60,11 @@ absl::StatusOr<GaussianSet> Selections::Find(const NamedScenes& scenes, const st
                                          ChildName(model.scene, "models", model.number))),
                         "OTHER_MODEL", its_model);
   }
+  return Read(record);
+}
+
+absl::StatusOr<GaussianSet> Selections::Read(const SelectionRecord& record) const {
+  const std::string name = ChildName(record.scene, "selections", record.number);
   // The record and the file are checked against each other: a file that was restored from another
   // backup could have the bits of another model.
   auto set = ReadSelectionFile(data_folder_ / record.file, name);

@@ -32,6 +32,8 @@ class Selections {
   // FAILED_PRECONDITION: the selection is of another model. DATA_LOSS: the file is damaged.
   absl::StatusOr<GaussianSet> Find(const NamedScenes& scenes, const std::string& name,
                                    const SceneChild& model, const std::string& field) const;
+  // Returns the Gaussians of a record. DATA_LOSS: the file is damaged.
+  absl::StatusOr<GaussianSet> Read(const SelectionRecord& record) const;
 
   // Returns the Gaussians of a loaded model that `subset` names, or nullopt if it means all of
   // them. Errors are those of Find and FindSegment, below `field`; INVALID_ARGUMENT also for the
@@ -46,8 +48,8 @@ class Selections {
   absl::StatusOr<std::optional<SelectionRecord>> FindEarlier(const SelectionRecord& record) const;
 
   // Writes the file, then the record, of a set of Gaussians of the model, and returns the record.
-  // Reads scene, base, request_id and request_digest of `record`. A crash in between leaves a file
-  // that the collector removes.
+  // Reads scene, base, display_name, request_id and request_digest of `record`. A crash in between
+  // leaves a file that the collector removes.
   absl::StatusOr<SelectionRecord> Record(const ResidentModel& model, const GaussianSet& set,
                                          SelectionRecord record);
 

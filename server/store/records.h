@@ -167,6 +167,7 @@ struct SelectionRecord {
   int64_t num_gaussians = 0;           // number of selected Gaussians
   std::array<double, 3> min{}, max{};  // bounds of their means, scene units; 0 if none is selected
   int64_t base = 0;                    // number of the selection that it was made from; 0: none
+  std::string display_name;            // UTF-8
   std::string file;       // path below the data directory; see core/model_files/model_file.h
   int64_t num_bytes = 0;  // size of that file
   std::string request_id;

@@ -191,6 +191,7 @@ CREATE TABLE selections (
   max_y DOUBLE PRECISION NOT NULL,
   max_z DOUBLE PRECISION NOT NULL,
   base BIGINT NOT NULL,
+  display_name TEXT NOT NULL,
   file TEXT NOT NULL,
   num_bytes BIGINT NOT NULL,
   request_id TEXT NOT NULL,

@@ -23,15 +23,16 @@ std::vector<SelectionRecord> SelectSelections(soci::session& sql, const SceneRef
   soci::statement select =
       (sql.prepare
            << "SELECT number, model, model_gaussians, num_gaussians, min_x, min_y,"
-              " min_z, max_x, max_y, max_z, base, file, num_bytes, request_id,"
+              " min_z, max_x, max_y, max_z, base, display_name, file, num_bytes, request_id,"
               " request_digest, create_time FROM selections WHERE scene = :scene AND number "
            << condition << " :key ORDER BY number DESC LIMIT :limit",
        soci::into(row.number), soci::into(row.model), soci::into(row.model_gaussians),
        soci::into(row.num_gaussians), soci::into(row.min[0]), soci::into(row.min[1]),
        soci::into(row.min[2]), soci::into(row.max[0]), soci::into(row.max[1]),
-       soci::into(row.max[2]), soci::into(row.base), soci::into(row.file),
-       soci::into(row.num_bytes), soci::into(row.request_id), soci::into(row.request_digest),
-       soci::into(create_time), soci::use(scene.id), soci::use(key), soci::use(start.limit));
+       soci::into(row.max[2]), soci::into(row.base), soci::into(row.display_name),
+       soci::into(row.file), soci::into(row.num_bytes), soci::into(row.request_id),
+       soci::into(row.request_digest), soci::into(create_time), soci::use(scene.id), soci::use(key),
+       soci::use(start.limit));
   select.execute();
   std::vector<SelectionRecord> rows;
   while (select.fetch()) {
@@ -85,15 +86,16 @@ absl::StatusOr<SelectionRecord> InsertSelection(soci::session& sql,
   const int64_t now = absl::ToUnixMicros(absl::Now());
   row.create_time = FromMicros(now);
   sql << "INSERT INTO selections (scene, number, model, model_gaussians, num_gaussians, min_x,"
-         " min_y, min_z, max_x, max_y, max_z, base, file, num_bytes, request_id,"
+         " min_y, min_z, max_x, max_y, max_z, base, display_name, file, num_bytes, request_id,"
          " request_digest, create_time)"
          " VALUES (:scene, :number, :model, :all, :num, :min_x, :min_y, :min_z, :max_x, :max_y,"
-         " :max_z, :base, :file, :bytes, :request, :digest, :now)",
+         " :max_z, :base, :display, :file, :bytes, :request, :digest, :now)",
       soci::use(row.scene.id), soci::use(row.number), soci::use(row.model),
       soci::use(row.model_gaussians), soci::use(row.num_gaussians), soci::use(row.min[0]),
       soci::use(row.min[1]), soci::use(row.min[2]), soci::use(row.max[0]), soci::use(row.max[1]),
-      soci::use(row.max[2]), soci::use(row.base), soci::use(row.file), soci::use(row.num_bytes),
-      soci::use(row.request_id), soci::use(row.request_digest), soci::use(now);
+      soci::use(row.max[2]), soci::use(row.base), soci::use(row.display_name), soci::use(row.file),
+      soci::use(row.num_bytes), soci::use(row.request_id), soci::use(row.request_digest),
+      soci::use(now);
   // After the insertion, so that the selection counts. An error rolls it back.
   RETURN_IF_ERROR(CheckStoredBytes(sql, row.scene.project, defaults));
   return row;

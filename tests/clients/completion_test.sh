@@ -50,6 +50,8 @@ done
 expect --point pepeseg segment shelf --po
 expect --server pepeseg segment shelf --ser
 expect depth pepeseg --server host:1 render shelf --content d
+expect recolor pepeseg edit shelf ''
+expect --rotate pepeseg edit shelf move --selection 1 --ro
 expect zsh pepeseg completion ''
 expect photograph pepeseg segment shelf --frame ph
 expect yolo pepeseg export shelf out --format ''

@@ -125,6 +125,15 @@ grep -q '^scenes/shelf/selections/2 ' "$work/output" || fail 'undo does not retu
 expect 6 pepeseg selections shelf 1 --undo
 expect 0 pepeseg selections shelf 1 --delete
 expect 3 pepeseg selections shelf 1
+printf '0\n7\n' >"$work/picked.txt"
+expect 0 pepeseg select shelf --indices "$work/picked.txt" --name 'two of them'
+grep -q ' 2 Gaussians .*"two of them"$' "$work/output" || fail 'given Gaussians are not selected'
+expect 0 pepeseg select shelf --indices - --subtract-from 4 < <(echo 7)
+grep -q ' 1 Gaussians ' "$work/output" || fail 'indices are not read from standard input'
+expect 0 pepeseg selections shelf
+grep -q '"two of them"$' "$work/output" || fail 'selections shows no names'
+echo 99999999 >"$work/picked.txt"
+expect 4 pepeseg select shelf --indices "$work/picked.txt"
 expect 0 pepeseg --json selections shelf
 grep -q '"num_gaussians":' "$work/output" || fail 'selections prints no JSON'
 expect 0 pepeseg find shelf cup --export "$work/found"

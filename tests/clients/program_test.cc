@@ -47,8 +47,8 @@ TEST(Program, ListsVerbsAndExitCodesInItsHelp) {
   const Ran ran = RunPepeseg("--help");
   EXPECT_EQ(ran.exit_code, 0);
   for (const char* verb : {"upload", "train", "watch", "cancel", "jobs", "scenes", "segment",
-                           "render", "label", "labels", "select", "selections", "combine", "export",
-                           "mesh", "models", "completion", "Exit codes"}) {
+                           "render", "label", "labels", "select", "selections", "combine", "edit",
+                           "export", "mesh", "models", "completion", "Exit codes"}) {
     EXPECT_THAT(ran.output, HasSubstr(verb));
   }
 }
@@ -86,6 +86,7 @@ TEST(Program, ListsChoicesByName) {
        {std::pair("export shelf out --format nonsense",
                   "ply,spz,glb,sog,html,coco,yolo,labelme,masks,cvat,ids"),
         {"mesh shelf out --format nonsense", "ply,glb"},
+        {"edit shelf burn --selection 1", "remove,keep,move,copy,recolor"},
         {"train shelf --preset nonsense", "preview,standard,best,paper"},
         {"segment shelf --view a -p 1,2 --frame nonsense", "photograph,view"}}) {
     const Ran ran = RunPepeseg(std::string(arguments) + " 2>&1");
@@ -254,6 +255,71 @@ TEST(Program, ChecksWhatIsToBeFoundBeforeItCallsAServer) {
     EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 4) << arguments;
   }
   EXPECT_EQ(RunPepeseg("find shelf mug 2>&1").exit_code, 5) << "no server";
+}
+
+TEST(Program, TakesIndicesInPlaceOfAPrompt) {
+  const pepeseg::testing::TempFolder folder;
+  const std::string file = (folder / "picked.txt").string();
+  std::ofstream(file) << "1\n2\n";
+  EXPECT_EQ(RunPepeseg("select shelf 2>&1").exit_code, 2);
+  for (const char* also :
+       {"--view a -p 1,2", "--label a", "--scale 0.5", "--threshold 0.5", "--no-sam-clicks"}) {
+    EXPECT_EQ(
+        RunPepeseg(absl::StrCat("select shelf --indices ", file, " ", also, " 2>&1")).exit_code, 2)
+        << also;
+  }
+  const std::string none = (folder / "none.txt").string();
+  EXPECT_EQ(RunPepeseg("select shelf --indices " + none + " 2>&1").exit_code, 3);
+  EXPECT_EQ(RunPepeseg("select shelf --out . --indices " + file + " 2>&1").exit_code, 4);
+  EXPECT_EQ(RunPepeseg("select shelf --add-to 1 --name some --indices " + file + " 2>&1").exit_code,
+            5)
+      << "no server";
+}
+
+TEST(Program, ChecksEditsBeforeItCallsAServer) {
+  for (const char* arguments :
+       {"edit", "edit shelf", "edit shelf remove", "edit shelf remove --without",
+        "edit shelf remove --selection 1 --segment 0:1", "edit shelf remove --selection 0",
+        "edit shelf remove --selection 1 --label cup", "edit shelf remove -p 1,2",
+        "edit shelf move --selection 1 --scale 0", "edit shelf move --selection 1 --scale 1001",
+        "edit shelf recolor --selection 1 --color \"#cc2200\" --strength 2"}) {
+    EXPECT_EQ(RunPepeseg(std::string(arguments) + " 2>&1").exit_code, 2) << arguments;
+  }
+  for (const auto& [arguments, why] :
+       {std::pair("move --selection 1", "--by, --rotate or --scale"),
+        {"move --selection 1 --by 1,2", "X,Y,Z"},
+        {"move --selection 1 --by 1,2,inf", "X,Y,Z"},
+        {"move --selection 1 --scale 2 --about up", "--about"},
+        {"move --selection 1 --rotate 90", "y,90"},
+        {"move --selection 1 --rotate w,90", "y,90"},
+        {"move --selection 1 --rotate 0,0,0,0", "y,90"},
+        {"move --selection 1 --by 1,2,3 --fill", "--fill is of remove"},
+        {"remove --selection 1 --scale 2", "--scale is of move and copy"},
+        {"keep --selection 1 --fill", "--fill is of remove, not of keep"},
+        {"remove --selection 1 --without --fill", "leave out --without"},
+        {"recolor --selection 1", "#rrggbb"},
+        {"recolor --selection 1 --color red", "#rrggbb"},
+        {"recolor --selection 1 --color 0xcc22", "#rrggbb"},
+        {"copy --selection 1 --by 1,2,3 --color cc2200", "--color is of recolor"},
+        {"remove --segment 1", "LEVEL:ID"}}) {
+    const Ran ran = RunPepeseg(absl::StrCat("edit shelf ", arguments, " 2>&1"));
+    EXPECT_EQ(ran.exit_code, 4) << arguments;
+    EXPECT_THAT(ran.output, HasSubstr(why)) << arguments;
+  }
+}
+
+// No server answers: the command lines are accepted, and fail at the connection.
+TEST(Program, TakesEveryFormOfAnEdit) {
+  for (const char* arguments :
+       {"remove --selection 1 --fill", "remove --view a -p 1,2 -n -3,4 --fill", "keep --label cup",
+        "keep --segment 1:3 --scales 0.1,0.9", "remove --selection 1 --without",
+        "move --selection 1 --by -0.1,0,2.5e-1", "move --selection 1 --rotate y,-90 --about 0,1,2",
+        "copy --selection 1 --rotate 2,0,0,2 --scale 0.5",
+        "recolor --view a --box 1,2,3,4 --color \"#CC2200\" --strength 0.5",
+        "recolor --selection 1 --color cc2200 --model 3"}) {
+    const Ran ran = RunPepeseg(absl::StrCat("edit shelf ", arguments, " 2>&1"));
+    EXPECT_EQ(ran.exit_code, 5) << arguments << ": " << ran.output;
+  }
 }
 
 TEST(Program, ChecksDecompositionsAndSubsetsBeforeItCallsAServer) {

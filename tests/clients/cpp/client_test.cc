@@ -229,6 +229,18 @@ TEST_F(ClientTest, SelectsCombinesAndExports) {
   EXPECT_EQ(client.UndoSelection(combined->name())->name(), red->name());
   EXPECT_EQ(client.ListSelections("shelf")->selections_size(), 3);
 
+  const auto with_gaussians = client.GetSelection(red->name(), /*want_gaussians=*/true);
+  ASSERT_OK(with_gaussians);
+  EXPECT_FALSE(client.GetSelection(red->name())->has_gaussians());
+  v1::CreateSelectionRequest given;
+  given.set_model(ModelName("shelf"));
+  given.set_display_name("red again");
+  *given.mutable_gaussians() = with_gaussians->gaussians();
+  const auto again = client.Select(given);
+  ASSERT_OK(again);
+  EXPECT_EQ(again->num_gaussians(), red->num_gaussians());
+  EXPECT_EQ(again->display_name(), "red again");
+
   v1::ExportGaussiansRequest wanted;
   wanted.set_model(ModelName("shelf"));
   wanted.mutable_subset()->set_selection(red->name());

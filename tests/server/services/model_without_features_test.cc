@@ -59,6 +59,17 @@ TEST_F(ModelWithoutFeatures, ExplainsWhyThereAreNoSegments) {
   ExpectNoFeatures(Export(ids));
 }
 
+TEST_F(ModelWithoutFeatures, HasSelectionsOfGivenGaussians) {
+  const int64_t count = Call(&SceneStub::GetModel, Named{kBare})->num_gaussians();
+  v1::CreateSelectionRequest request;
+  request.set_model(kBare);
+  request.mutable_gaussians()->set_bits(std::string((count + 7) / 8, '\1'));
+  EXPECT_EQ(Call(&SelectionStub::CreateSelection, request)->num_gaussians(), (count + 7) / 8);
+  request.clear_gaussians();
+  *request.mutable_prompt() = ClickAt(30);
+  ExpectNoFeatures(Call(&SelectionStub::CreateSelection, request));
+}
+
 TEST_F(ModelWithoutFeatures, IsExported) {
   v1::ExportGaussiansRequest request;
   request.set_model(kBare);

@@ -38,6 +38,22 @@ struct SelectionTest : ShelfModel {
   Reply<v1::Selection> Get(const std::string& name) const {
     return Call(&SelectionStub::GetSelection, Named{name});
   }
+  Reply<v1::Selection> GetWithGaussians(const std::string& name) const {
+    v1::GetSelectionRequest request = Named{name};
+    request.set_want_gaussians(true);
+    return Call(&SelectionStub::GetSelection, request);
+  }
+  // Picks Gaussians `first` to `last` - 1.
+  static v1::CreateSelectionRequest Picked(int64_t first, int64_t last) {
+    std::string bits(2 * kOfASquare / 8, '\0');
+    for (int64_t i = first; i < last; ++i) {
+      bits[i / 8] = static_cast<char>(bits[i / 8] | 1 << (i % 8));
+    }
+    v1::CreateSelectionRequest request;
+    request.set_model(kModel);
+    request.mutable_gaussians()->set_bits(bits);
+    return request;
+  }
   Reply<v1::ListSelectionsResponse> List(const std::string& parent, int page_size,
                                          const std::string& token) const {
     v1::ListSelectionsRequest request = Under{parent};
@@ -76,6 +92,65 @@ TEST_F(SelectionTest, IsEmptyForNothing) {
   EXPECT_EQ(made.name(), Name(1));
   EXPECT_EQ(made.num_gaussians(), 0);
   EXPECT_FALSE(made.has_box());
+}
+
+TEST_F(SelectionTest, HoldsTheGaussiansThatAreGiven) {
+  // The last row of the red square, and the first Gaussian of the blue one.
+  const v1::CreateSelectionRequest request = Picked(kOfASquare - 100, kOfASquare + 1);
+  const v1::Selection made = *Select(request);
+  EXPECT_EQ(made.num_gaussians(), 101);
+  EXPECT_FLOAT_EQ(static_cast<float>(made.box().min().x()), -1.1f);
+  EXPECT_FLOAT_EQ(static_cast<float>(made.box().max().x()), 0.1f);
+  EXPECT_FALSE(made.has_gaussians());
+  EXPECT_FALSE(Get(Name(1))->has_gaussians()) << "not asked for";
+  EXPECT_EQ(GetWithGaussians(Name(1))->gaussians().bits(), request.gaussians().bits());
+  EXPECT_EQ(Select(Picked(0, 0))->num_gaussians(), 0);
+}
+
+TEST_F(SelectionTest, ReturnsTheGaussiansOfAClick) {
+  const v1::Selection made = *Select(Blue());
+  const std::string bits = GetWithGaussians(Name(1))->gaussians().bits();
+  ASSERT_EQ(bits.size(), 2 * kOfASquare / 8);
+  int64_t count = 0;
+  for (int64_t i = 0; i < 2 * kOfASquare; ++i) {
+    if ((bits[i / 8] >> (i % 8) & 1) == 0) continue;
+    ++count;
+    EXPECT_GE(i, kOfASquare) << "not of the blue square";
+  }
+  EXPECT_EQ(count, made.num_gaussians());
+}
+
+TEST_F(SelectionTest, CombinesGivenGaussiansWithABase) {
+  ASSERT_OK(Select(Picked(0, 1000)));
+  auto request = Picked(100, 300);
+  request.set_base(Name(1));
+  request.set_operation(v1::SET_OPERATION_SUBTRACT);
+  const v1::Selection made = *Select(request);
+  EXPECT_EQ(made.base(), Name(1));
+  EXPECT_EQ(made.num_gaussians(), 800);
+}
+
+TEST_F(SelectionTest, RefusesBitsOfAnotherModel) {
+  for (const int64_t num_bytes : {int64_t{0}, 2 * kOfASquare / 8 - 1, 2 * kOfASquare / 8 + 1}) {
+    auto request = Picked(0, 8);
+    request.mutable_gaussians()->set_bits(std::string(num_bytes, '\1'));
+    EXPECT_ERROR(Select(request), grpc::INVALID_ARGUMENT, "gaussians.bits");
+  }
+  EXPECT_EQ(List("scenes/shelf", 0, "")->selections_size(), 0);
+}
+
+TEST_F(SelectionTest, KeepsItsName) {
+  auto request = Picked(0, 8);
+  request.set_display_name("the mug’s handle");
+  EXPECT_EQ(Select(request)->display_name(), "the mug’s handle");
+  EXPECT_EQ(Get(Name(1))->display_name(), "the mug’s handle");
+  EXPECT_EQ(List("scenes/shelf", 0, "")->selections(0).display_name(), "the mug’s handle");
+  EXPECT_EQ(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION)->display_name(), "");
+  EXPECT_EQ(Undo(Name(2))->display_name(), "the mug’s handle");
+  request.set_display_name(std::string(256, 'x'));
+  EXPECT_OK(Select(request));
+  request.set_display_name(std::string(257, 'x'));
+  EXPECT_ERROR(Select(request), grpc::INVALID_ARGUMENT, "display_name");
 }
 
 TEST_F(SelectionTest, UnitesSubtractsAndIntersects) {
@@ -145,6 +220,12 @@ TEST_F(SelectionTest, ARetryAnswersTheSame) {
     EXPECT_EQ(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, "r2")->name(), Name(2));
   }
   EXPECT_ERROR(Combine(Name(1), Name(1), v1::SET_OPERATION_UNION, "r1"), grpc::ALREADY_EXISTS);
+  auto given = Picked(0, 8);
+  given.set_request_id("r3");
+  EXPECT_EQ(Select(given)->name(), Name(3));
+  EXPECT_EQ(Select(given)->name(), Name(3));
+  given.mutable_gaussians()->set_bits(Picked(0, 9).gaussians().bits());
+  EXPECT_ERROR(Select(given), grpc::ALREADY_EXISTS);
 }
 
 TEST_F(SelectionTest, ListsNewestFirstPageByPage) {
@@ -186,6 +267,7 @@ TEST_F(SelectionTest, ReportsADamagedFile) {
   auto request = Blue();
   request.set_base(Name(1));
   EXPECT_ERROR(Select(request), grpc::DATA_LOSS, {.resource = Name(1)});
+  EXPECT_ERROR(GetWithGaussians(Name(1)), grpc::DATA_LOSS, {.resource = Name(1)});
   EXPECT_OK(Get(Name(1))) << "its row is whole";
 }
 

@@ -22,6 +22,7 @@ class StoreSelectionsTest : public testing::TrainedStoreTest {
     row.min = {-1.1, 0.1, 1e-300};
     row.max = {2.5, 3.25, 4};
     row.base = base_;
+    row.display_name = "the red mug";
     row.file = "selections/a/x";
     row.request_id = request_id;
     row.request_digest = digest;
@@ -47,6 +48,7 @@ TEST_F(StoreSelectionsTest, KeepsEveryColumnAfterReopening) {
   EXPECT_EQ(found.min, (std::array<double, 3>{-1.1, 0.1, 1e-300}));
   EXPECT_EQ(found.max, (std::array<double, 3>{2.5, 3.25, 4}));
   EXPECT_EQ(found.base, 1);
+  EXPECT_EQ(found.display_name, "the red mug");
   EXPECT_EQ(found.file, "selections/a/x");
   EXPECT_EQ(found.request_id, "r");
   EXPECT_EQ(found.request_digest, "digest");

@@ -296,7 +296,8 @@ def make_requests():
 def services():
     """Returns the methods that rpc_calls_fuzz.cc numbers, in its order."""
     left_out = {"DeleteScene", "DeleteModel"}
-    names = ("dataset", "evaluation", "job", "label", "render", "scene", "segmentation", "selection")
+    names = ("dataset", "evaluation", "job", "label", "render", "scene", "segmentation", "selection",
+             "edit")
     methods = []
     for service in names:
         for line in (PROTO / "pepeseg/v1" / (service + "_service.proto")).read_text().splitlines():
@@ -334,6 +335,15 @@ def make_calls(evaluate):
         "ListJobs": "page_size: 3", "GetModel": 'name: "scenes/shelf/models/live"', "ListScenes": "page_size: 3",
         "ListTrainingOptions": "preset: TRAINING_PRESET_BEST",
         "ListViews": 'parent: "scenes/shelf/models/live"',
+        "EditModel": MODEL + "subset { segment { level: 1 id: 1 } } move { translation { x: 0.5 } "
+                     "rotation { w: 1 } scale: 2 pivot { z: 2 } copy: true }",
+    }
+    further = {  # other forms of a request
+        "CreateSelection": {"gaussians": MODEL + 'gaussians { bits: "%s" } display_name: "some"' %
+                                         ("\\252" * 2500)},
+        "EditModel": {"remove": MODEL + "subset { segment { level: 1 id: 1 } } remove { fill: true }",
+                      "recolor": MODEL + "subset { segment { level: 1 id: 2 } complement: true } "
+                                 "recolor { red: 0.9 green: 0.2 strength: 0.5 }"},
     }
     for index, (method, kind) in enumerate(services()):
         text = texts.get(method, scene if method.startswith("List") else "")
@@ -344,6 +354,8 @@ def make_calls(evaluate):
         except subprocess.CalledProcessError:
             raise SystemExit("%s: %s does not take: %s" % (method, kind, text))
         put("rpc_calls", method, bytes([index]) + body)
+        for name, form in further.get(method, {}).items():
+            put("rpc_calls", method + "_" + name, bytes([index]) + message(kind, form))
 
 
 def main():

@@ -31,7 +31,7 @@ constexpr std::chrono::seconds kDeadline{2};
 // The order decides which method a first byte stands for; the corpus is made in the same order.
 constexpr std::array kServices = {"DatasetService",      "EvaluationService", "JobService",
                                   "LabelService",        "RenderService",     "SceneService",
-                                  "SegmentationService", "SelectionService"};
+                                  "SegmentationService", "SelectionService",  "EditService"};
 
 // Methods that would remove what the other calls need.
 const std::set<std::string>& LeftOut() {

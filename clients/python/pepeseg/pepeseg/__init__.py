@@ -10,6 +10,7 @@ from pepeseg.cameras import Camera, View
 from pepeseg.client import Client, Selection
 from pepeseg.corrections import CorrectedMask, Correction
 from pepeseg.dataset import Dataset, DatasetFile, FileKind, read_folder
+from pepeseg.edits import Edit
 from pepeseg.enum_words import stage_name, term_name
 from pepeseg.errors import (
     AbortedError,
@@ -67,6 +68,7 @@ __all__ = [
     "DatasetFile",
     "DeadlineExceededError",
     "Decomposition",
+    "Edit",
     "EntityScores",
     "Evaluation",
     "Export",

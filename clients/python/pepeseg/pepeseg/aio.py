@@ -9,11 +9,14 @@ from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import grpc
+import numpy as np
+import numpy.typing as npt
 
 from pepeseg import (
     annotation_files,
     cameras,
     corrections,
+    edits,
     errors,
     evaluation,
     exports,
@@ -94,9 +97,7 @@ class _Awaiting:
         if isinstance(step, Send):
             return await self._send(step)
         if isinstance(step, Receive):
-            async for message in self.stream(step):
-                step.take(message)
-            return None
+            return await self._receive(step)
         if isinstance(step, Pause):
             return await asyncio.sleep(step.seconds)
         return await asyncio.to_thread(step.do)
@@ -111,6 +112,21 @@ class _Awaiting:
             except grpc.RpcError as error:
                 failure = errors.from_rpc(error, self._proxy)
             await asyncio.sleep(patience.pause_after(failure, step.repeatable))
+
+    async def _receive(self, step: Receive) -> None:
+        patience = Patience(self._patience)
+        while True:
+            has_begun = False
+            try:
+                async for message in self.stream(step):
+                    has_begun = True
+                    step.take(message)
+                return
+            except errors.PepesegError as error:
+                if has_begun:
+                    raise
+                failure = error
+            await asyncio.sleep(patience.pause_after(failure, repeatable=False))
 
     async def _send(self, step: Send) -> Any:
         call = self._services.method(step)(metadata=metadata_of(self._metadata, step.scene))
@@ -168,6 +184,10 @@ class Selection(subsets.SelectionInfo):
             FailedPreconditionError: it was not made from another selection.
         """
         return await self._client.undo(self)
+
+    async def gaussians(self) -> npt.NDArray[np.bool_]:
+        """Returns which Gaussians of its model it has: see `pepeseg.Selection.gaussians`."""
+        return await self._client.gaussians(self)
 
     async def delete(self) -> None:
         """Deletes the selection on the server."""
@@ -246,6 +266,11 @@ class Client(SceneClient):
     propose = awaited(segmentation.propose)
     find = awaited(finding.find)
     correct = awaited(corrections.correct)
+    remove = awaited(edits.remove)
+    keep = awaited(edits.keep)
+    move = awaited(edits.move)
+    copy = awaited(edits.copy)
+    recolor = awaited(edits.recolor)
     evaluate = awaited(evaluation.evaluate)
     sam_agreement = awaited(evaluation.sam_agreement)
     decompose = awaited(subsets.decompose)
@@ -260,9 +285,11 @@ class Client(SceneClient):
     export_annotations = awaited(annotation_files.export_annotations)
 
     select = _selecting(of_selections.select)
+    select_gaussians = _selecting(of_selections.select_gaussians)
     combine = _selecting(of_selections.combine)
     undo = _selecting(of_selections.undo)
     selection = _selecting(of_selections.get_selection)
+    gaussians = awaited(of_selections.gaussians)
     delete_selection = awaited(of_selections.delete_selection)
 
     async def selections(self) -> list[Selection]:

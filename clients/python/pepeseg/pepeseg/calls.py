@@ -20,6 +20,7 @@ from pepeseg.channel import Connection
 from pepeseg.proxy import Proxy
 from pepeseg.v1 import (
     dataset_service_pb2_grpc,
+    edit_service_pb2_grpc,
     evaluation_service_pb2_grpc,
     job_service_pb2_grpc,
     label_service_pb2_grpc,
@@ -74,7 +75,8 @@ class Send:
 
 @dataclass(frozen=True)
 class Receive:
-    """A call that streams responses, each passed to `take`. An exception of `take` ends it."""
+    """A call that streams responses, each passed to `take`. An exception of `take` ends it. It is
+    repeated as a `Unary` that is not repeatable, unless a response has come."""
 
     service: str
     method: str
@@ -110,6 +112,7 @@ class Services:
             "segmentation": segmentation_service_pb2_grpc.SegmentationServiceStub,
             "labels": label_service_pb2_grpc.LabelServiceStub,
             "selections": selection_service_pb2_grpc.SelectionServiceStub,
+            "editing": edit_service_pb2_grpc.EditServiceStub,
             "rendering": render_service_pb2_grpc.RenderServiceStub,
             "evaluation": evaluation_service_pb2_grpc.EvaluationServiceStub,
         }
@@ -211,9 +214,7 @@ class Blocking:
         if isinstance(step, Send):
             return self._send(step)
         if isinstance(step, Receive):
-            for message in self.stream(step):
-                step.take(message)
-            return None
+            return self._receive(step)
         if isinstance(step, Pause):
             return time.sleep(step.seconds)
         return step.do()
@@ -228,6 +229,21 @@ class Blocking:
             except grpc.RpcError as error:
                 failure = errors.from_rpc(error, self._proxy)
             time.sleep(patience.pause_after(failure, step.repeatable))
+
+    def _receive(self, step: Receive) -> None:
+        patience = Patience(self._patience)
+        while True:
+            has_begun = False
+            try:
+                for message in self.stream(step):
+                    has_begun = True
+                    step.take(message)
+                return
+            except errors.PepesegError as error:
+                if has_begun:
+                    raise
+                failure = error
+            time.sleep(patience.pause_after(failure, repeatable=False))
 
     def _send(self, step: Send) -> Any:
         requests = LocalFailure(step.requests)

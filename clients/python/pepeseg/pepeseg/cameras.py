@@ -60,7 +60,7 @@ class View:
 Viewpoint = Union[str, View, Camera]
 
 
-def _to_quaternion(rotation: Matrix) -> geometry_pb2.Quaternion:
+def to_quaternion(rotation: Matrix) -> geometry_pb2.Quaternion:
     """Converts a rotation [3, 3]: an eigenvector of Bar-Itzhack's symmetric matrix."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
     symmetric = np.array(
@@ -107,7 +107,7 @@ def _free_camera(camera: Camera) -> prompt_pb2.Viewpoint.FreeCamera:
             cy=camera.cy,
         ),
         cam_from_world=geometry_pb2.RigidTransform(
-            rotation=_to_quaternion(rotation), translation=geometry_pb2.Vector3(x=x, y=y, z=z)
+            rotation=to_quaternion(rotation), translation=geometry_pb2.Vector3(x=x, y=y, z=z)
         ),
     )
 

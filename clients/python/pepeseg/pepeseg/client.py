@@ -8,10 +8,14 @@ import time
 from types import TracebackType
 from typing import Concatenate, ParamSpec, TypeVar
 
+import numpy as np
+import numpy.typing as npt
+
 from pepeseg import (
     annotation_files,
     cameras,
     corrections,
+    edits,
     errors,
     evaluation,
     exports,
@@ -73,6 +77,15 @@ class Selection(subsets.SelectionInfo):
             FailedPreconditionError: it was not made from another selection.
         """
         return self._client.undo(self)
+
+    def gaussians(self) -> npt.NDArray[np.bool_]:
+        """Returns which Gaussians of its model it has: a bool mask [num_gaussians], in the order of
+        an exported PLY.
+
+        Raises:
+            ResourceExhaustedError: the model has more than 30,000,000 Gaussians.
+        """
+        return self._client.gaussians(self)
 
     def delete(self) -> None:
         """Deletes the selection on the server."""
@@ -155,6 +168,11 @@ class Client(SceneClient):
     propose = blocking(segmentation.propose)
     find = blocking(finding.find)
     correct = blocking(corrections.correct)
+    remove = blocking(edits.remove)
+    keep = blocking(edits.keep)
+    move = blocking(edits.move)
+    copy = blocking(edits.copy)
+    recolor = blocking(edits.recolor)
     evaluate = blocking(evaluation.evaluate)
     sam_agreement = blocking(evaluation.sam_agreement)
     decompose = blocking(subsets.decompose)
@@ -169,9 +187,11 @@ class Client(SceneClient):
     export_annotations = blocking(annotation_files.export_annotations)
 
     select = _selecting(of_selections.select)
+    select_gaussians = _selecting(of_selections.select_gaussians)
     combine = _selecting(of_selections.combine)
     undo = _selecting(of_selections.undo)
     selection = _selecting(of_selections.get_selection)
+    gaussians = blocking(of_selections.gaussians)
     delete_selection = blocking(of_selections.delete_selection)
 
     def selections(self) -> list[Selection]:

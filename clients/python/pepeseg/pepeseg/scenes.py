@@ -39,7 +39,9 @@ class Model:
         device: the device that trained it.
         num_bytes: its size on disk.
         dataset: name of the dataset that it was trained on; empty: not known.
-        corrected_from: name of the model that was corrected to make it; empty: a training made it.
+        corrected_from, edited_from: name of the model that was corrected, or edited, to make it;
+            both empty: a training made it.
+        edit: what the edit did, for people.
         advice: what may make its masks poor and how to get better ones, for people; `train` and
             `wait` warn of it.
     """
@@ -54,6 +56,8 @@ class Model:
     dataset: str = ""
     advice: tuple[str, ...] = ()
     corrected_from: str = ""
+    edited_from: str = ""
+    edit: str = ""
 
 
 def _parse_model(message: scene_service_pb2.Model) -> Model:
@@ -68,6 +72,8 @@ def _parse_model(message: scene_service_pb2.Model) -> Model:
         dataset=message.dataset,
         advice=tuple(message.advice),
         corrected_from=message.corrected_from,
+        edited_from=message.edited_from,
+        edit=message.edit,
     )
 
 

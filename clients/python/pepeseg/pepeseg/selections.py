@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from pepeseg import prompts
 from pepeseg.calls import Place, Steps, Unary, all_pages, new_request_id
 from pepeseg.cameras import Viewpoint
-from pepeseg.errors import refused
+from pepeseg.errors import damaged, refused
+from pepeseg.scenes import get_model
 from pepeseg.subsets import (
     Segment,
     SelectionInfo,
@@ -43,6 +47,7 @@ def select(
     base: SelectionInfo | int | str | None = None,
     operation: str = "union",
     sam_clicks: bool | None = None,
+    name: str = "",
     frame: str = "photograph",
     **what: Any,
 ) -> Steps[SelectionInfo]:
@@ -55,6 +60,7 @@ def select(
         keep_disconnected: keep Gaussians that are not connected with what the prompt shows.
         base: a selection of the same model to combine the new one with.
         operation: "union", "subtract" (the base without the new one) or "intersect".
+        name: for people, at most 256 bytes of UTF-8.
 
     Returns:
         The selection, which is empty if nothing was found.
@@ -70,6 +76,7 @@ def select(
         keep_disconnected=keep_disconnected,
         sam_clicks=sam_clicks,
         frame=prompts.pixel_frame(frame),
+        display_name=name,
         request_id=new_request_id(),
     )
     if segment is None:
@@ -83,6 +90,83 @@ def select(
         request.operation = _to_operation(operation)
     answer = yield Unary("selections", "CreateSelection", request, at.scene)
     return parse_selection(answer)
+
+
+def _to_bits(chosen: npt.NDArray[Any], num_gaussians: int) -> bytes:
+    """Returns the bits of GaussianBits for a mask [num_gaussians], or for indices [n]."""
+    if chosen.ndim != 1:
+        raise refused(f"gaussians: one dimension is wanted, this has {list(chosen.shape)}")
+    if chosen.dtype == np.bool_:
+        if chosen.size != num_gaussians:
+            raise refused(
+                f"gaussians: the mask has {chosen.size} values, the model {num_gaussians} Gaussians"
+            )
+        return np.packbits(chosen, bitorder="little").tobytes()
+    if chosen.size and not np.issubdtype(chosen.dtype, np.integer):
+        raise refused(f"gaussians: a bool mask or whole indices are wanted, these are {chosen.dtype}")
+    if chosen.size and (chosen.min() < 0 or chosen.max() >= num_gaussians):
+        raise refused(
+            f"gaussians: indices from {chosen.min()} to {chosen.max()}; the model has those from 0 "
+            f"to {num_gaussians - 1}"
+        )
+    member = np.zeros(num_gaussians, np.bool_)
+    member[chosen.astype(np.int64)] = True
+    return np.packbits(member, bitorder="little").tobytes()
+
+
+def select_gaussians(
+    at: Place,
+    gaussians: npt.ArrayLike,
+    *,
+    base: SelectionInfo | int | str | None = None,
+    operation: str = "union",
+    name: str = "",
+) -> Steps[SelectionInfo]:
+    """Selects given Gaussians, which needs no masks in the training.
+
+    Args:
+        gaussians: a bool mask [num_gaussians], or indices [n] from 0, in the order of an exported
+            PLY.
+        base, operation, name: as in `select`.
+
+    Raises:
+        InvalidArgumentError: the mask is of another size, or the model has no such Gaussian.
+        NotFoundError: no such selection.
+        FailedPreconditionError: the scene has no model yet, or the base is of another model.
+    """
+    model = yield from get_model(at, at.model)
+    request = selection_service_pb2.CreateSelectionRequest(
+        model=model.name,
+        gaussians=selection_service_pb2.GaussianBits(
+            bits=_to_bits(np.asarray(gaussians), model.num_gaussians)
+        ),
+        display_name=name,
+        request_id=new_request_id(),
+    )
+    if base is not None:
+        request.base = selection_name(at, base)
+        request.operation = _to_operation(operation)
+    answer = yield Unary("selections", "CreateSelection", request, at.scene)
+    return parse_selection(answer)
+
+
+def gaussians(at: Place, selection: SelectionInfo | int | str) -> Steps[npt.NDArray[np.bool_]]:
+    """Returns which Gaussians of its model a selection has: a bool mask [num_gaussians], in the
+    order of an exported PLY.
+
+    Raises:
+        NotFoundError: no such selection.
+        ResourceExhaustedError: the model has more than 30,000,000 Gaussians.
+    """
+    request = selection_service_pb2.GetSelectionRequest(
+        name=selection_name(at, selection), want_gaussians=True
+    )
+    answer = yield Unary("selections", "GetSelection", request, at.scene)
+    model = yield from get_model(at, answer.model)
+    packed = np.frombuffer(answer.gaussians.bits, np.uint8)
+    if packed.size != (model.num_gaussians + 7) // 8:
+        raise damaged(f"{answer.name}: {packed.size} bytes for {model.num_gaussians} Gaussians")
+    return np.unpackbits(packed, count=model.num_gaussians, bitorder="little").astype(np.bool_)
 
 
 def combine(

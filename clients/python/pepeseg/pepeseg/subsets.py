@@ -70,6 +70,7 @@ class SelectionInfo:
         model: name of its model.
         min, max: bounds of the Gaussians' means, x, y, z in scene units; empty: none is selected.
         base: name of the selection that it was made from, which undo returns; empty: none.
+        display_name: for people; may be empty.
     """
 
     name: str
@@ -78,6 +79,7 @@ class SelectionInfo:
     min: tuple[float, ...]
     max: tuple[float, ...]
     base: str
+    display_name: str = ""
 
 
 # A selection, its number or its name; or a segment. None: the whole model.
@@ -125,6 +127,7 @@ def parse_selection(message: selection_service_pb2.Selection) -> SelectionInfo:
         min=_to_tuple(message.box.min) if message.HasField("box") else (),
         max=_to_tuple(message.box.max) if message.HasField("box") else (),
         base=message.base,
+        display_name=message.display_name,
     )
 
 

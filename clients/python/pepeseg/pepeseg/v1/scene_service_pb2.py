@@ -17,7 +17,7 @@ from pepeseg.v1 import access_pb2 as pepeseg_dot_v1_dot_access__pb2
 from pepeseg.v1 import geometry_pb2 as pepeseg_dot_v1_dot_geometry__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/scene_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x19pepeseg/v1/geometry.proto\"\x84\x01\n\x05Scene\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x14\n\x0c\x64isplay_name\x18\x02 \x01(\t\x12/\n\x0b\x63reate_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x12\n\nlive_model\x18\x04 \x01(\t\x12\x12\n\nactive_job\x18\x05 \x01(\t\"\xd2\x02\n\x05Model\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0b\n\x03job\x18\x02 \x01(\t\x12/\n\x0b\x63reate_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x15\n\rnum_gaussians\x18\x04 \x01(\x03\x12\x11\n\tnum_bytes\x18\x05 \x01(\x03\x12/\n\x07metrics\x18\x06 \x03(\x0b\x32\x1e.pepeseg.v1.Model.MetricsEntry\x12\x0e\n\x06\x64\x65vice\x18\x07 \x01(\t\x12)\n\x07sources\x18\x08 \x01(\x0b\x32\x18.pepeseg.v1.InputSources\x12\x0e\n\x06\x61\x64vice\x18\t \x03(\t\x12\x0f\n\x07\x64\x61taset\x18\n \x01(\t\x12\x16\n\x0e\x63orrected_from\x18\x0b \x01(\t\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\";\n\x0cInputSources\x12\r\n\x05poses\x18\x01 \x01(\t\x12\r\n\x05masks\x18\x02 \x01(\t\x12\r\n\x05\x64\x65pth\x18\x03 \x01(\t\"\xe3\x01\n\x04View\x12\x0c\n\x04view\x18\x01 \x01(\t\x12)\n\x06\x63\x61mera\x18\x02 \x01(\x0b\x32\x19.pepeseg.v1.PinholeCamera\x12\x32\n\x0e\x63\x61m_from_world\x18\x03 \x01(\x0b\x32\x1a.pepeseg.v1.RigidTransform\x12\x10\n\x08held_out\x18\x04 \x01(\x08\x12\'\n\x06scores\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.ImageScores\x12\x18\n\x10photograph_width\x18\x06 \x01(\x05\x12\x19\n\x11photograph_height\x18\x07 \x01(\x05\"G\n\x0bImageScores\x12\x0c\n\x04psnr\x18\x01 \x01(\x01\x12\x0c\n\x04ssim\x18\x02 \x01(\x01\x12\x12\n\x05lpips\x18\x03 \x01(\x01H\x00\x88\x01\x01\x42\x08\n\x06_lpips\"\\\n\x12\x43reateSceneRequest\x12\x10\n\x08scene_id\x18\x01 \x01(\t\x12 \n\x05scene\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Scene\x12\x12\n\nrequest_id\x18\x03 \x01(\t\"\x1f\n\x0fGetSceneRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\":\n\x11ListScenesRequest\x12\x11\n\tpage_size\x18\x01 \x01(\x05\x12\x12\n\npage_token\x18\x02 \x01(\t\"P\n\x12ListScenesResponse\x12!\n\x06scenes\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Scene\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteSceneRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"I\n\x10ListViewsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"M\n\x11ListViewsResponse\x12\x1f\n\x05views\x18\x01 \x03(\x0b\x32\x10.pepeseg.v1.View\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\x1f\n\x0fGetModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"J\n\x11ListModelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListModelsResponse\x12!\n\x06models\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Model\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"#\n\x13SetLiveModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\"\n\x12\x44\x65leteModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t2\x86\x06\n\x0cSceneService\x12J\n\x0b\x43reateScene\x12\x1e.pepeseg.v1.CreateSceneRequest\x1a\x11.pepeseg.v1.Scene\"\x08\x8a\xe2\x18\x04\x08\x02\x18\x01\x12J\n\x08GetScene\x12\x1b.pepeseg.v1.GetSceneRequest\x1a\x11.pepeseg.v1.Scene\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12U\n\nListScenes\x12\x1d.pepeseg.v1.ListScenesRequest\x1a\x1e.pepeseg.v1.ListScenesResponse\"\x08\x8a\xe2\x18\x04\x08\x01\x18\x01\x12U\n\x0b\x44\x65leteScene\x12\x1e.pepeseg.v1.DeleteSceneRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x12Z\n\tListViews\x12\x1c.pepeseg.v1.ListViewsRequest\x1a\x1d.pepeseg.v1.ListViewsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x03\x12J\n\x08GetModel\x12\x1b.pepeseg.v1.GetModelRequest\x1a\x11.pepeseg.v1.Model\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12]\n\nListModels\x12\x1d.pepeseg.v1.ListModelsRequest\x1a\x1e.pepeseg.v1.ListModelsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12R\n\x0cSetLiveModel\x12\x1f.pepeseg.v1.SetLiveModelRequest\x1a\x11.pepeseg.v1.Scene\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x12U\n\x0b\x44\x65leteModel\x12\x1e.pepeseg.v1.DeleteModelRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1epepeseg/v1/scene_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x19pepeseg/v1/geometry.proto\"\x84\x01\n\x05Scene\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x14\n\x0c\x64isplay_name\x18\x02 \x01(\t\x12/\n\x0b\x63reate_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x12\n\nlive_model\x18\x04 \x01(\t\x12\x12\n\nactive_job\x18\x05 \x01(\t\"\xf5\x02\n\x05Model\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x0b\n\x03job\x18\x02 \x01(\t\x12/\n\x0b\x63reate_time\x18\x03 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x15\n\rnum_gaussians\x18\x04 \x01(\x03\x12\x11\n\tnum_bytes\x18\x05 \x01(\x03\x12/\n\x07metrics\x18\x06 \x03(\x0b\x32\x1e.pepeseg.v1.Model.MetricsEntry\x12\x0e\n\x06\x64\x65vice\x18\x07 \x01(\t\x12)\n\x07sources\x18\x08 \x01(\x0b\x32\x18.pepeseg.v1.InputSources\x12\x0e\n\x06\x61\x64vice\x18\t \x03(\t\x12\x0f\n\x07\x64\x61taset\x18\n \x01(\t\x12\x16\n\x0e\x63orrected_from\x18\x0b \x01(\t\x12\x13\n\x0b\x65\x64ited_from\x18\x0c \x01(\t\x12\x0c\n\x04\x65\x64it\x18\r \x01(\t\x1a.\n\x0cMetricsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\";\n\x0cInputSources\x12\r\n\x05poses\x18\x01 \x01(\t\x12\r\n\x05masks\x18\x02 \x01(\t\x12\r\n\x05\x64\x65pth\x18\x03 \x01(\t\"\xe3\x01\n\x04View\x12\x0c\n\x04view\x18\x01 \x01(\t\x12)\n\x06\x63\x61mera\x18\x02 \x01(\x0b\x32\x19.pepeseg.v1.PinholeCamera\x12\x32\n\x0e\x63\x61m_from_world\x18\x03 \x01(\x0b\x32\x1a.pepeseg.v1.RigidTransform\x12\x10\n\x08held_out\x18\x04 \x01(\x08\x12\'\n\x06scores\x18\x05 \x01(\x0b\x32\x17.pepeseg.v1.ImageScores\x12\x18\n\x10photograph_width\x18\x06 \x01(\x05\x12\x19\n\x11photograph_height\x18\x07 \x01(\x05\"G\n\x0bImageScores\x12\x0c\n\x04psnr\x18\x01 \x01(\x01\x12\x0c\n\x04ssim\x18\x02 \x01(\x01\x12\x12\n\x05lpips\x18\x03 \x01(\x01H\x00\x88\x01\x01\x42\x08\n\x06_lpips\"\\\n\x12\x43reateSceneRequest\x12\x10\n\x08scene_id\x18\x01 \x01(\t\x12 \n\x05scene\x18\x02 \x01(\x0b\x32\x11.pepeseg.v1.Scene\x12\x12\n\nrequest_id\x18\x03 \x01(\t\"\x1f\n\x0fGetSceneRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\":\n\x11ListScenesRequest\x12\x11\n\tpage_size\x18\x01 \x01(\x05\x12\x12\n\npage_token\x18\x02 \x01(\t\"P\n\x12ListScenesResponse\x12!\n\x06scenes\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Scene\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x12\x44\x65leteSceneRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"I\n\x10ListViewsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"M\n\x11ListViewsResponse\x12\x1f\n\x05views\x18\x01 \x03(\x0b\x32\x10.pepeseg.v1.View\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\x1f\n\x0fGetModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"J\n\x11ListModelsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"P\n\x12ListModelsResponse\x12!\n\x06models\x18\x01 \x03(\x0b\x32\x11.pepeseg.v1.Model\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"#\n\x13SetLiveModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\"\n\x12\x44\x65leteModelRequest\x12\x0c\n\x04name\x18\x01 \x01(\t2\x86\x06\n\x0cSceneService\x12J\n\x0b\x43reateScene\x12\x1e.pepeseg.v1.CreateSceneRequest\x1a\x11.pepeseg.v1.Scene\"\x08\x8a\xe2\x18\x04\x08\x02\x18\x01\x12J\n\x08GetScene\x12\x1b.pepeseg.v1.GetSceneRequest\x1a\x11.pepeseg.v1.Scene\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12U\n\nListScenes\x12\x1d.pepeseg.v1.ListScenesRequest\x1a\x1e.pepeseg.v1.ListScenesResponse\"\x08\x8a\xe2\x18\x04\x08\x01\x18\x01\x12U\n\x0b\x44\x65leteScene\x12\x1e.pepeseg.v1.DeleteSceneRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x12Z\n\tListViews\x12\x1c.pepeseg.v1.ListViewsRequest\x1a\x1d.pepeseg.v1.ListViewsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x03\x12J\n\x08GetModel\x12\x1b.pepeseg.v1.GetModelRequest\x1a\x11.pepeseg.v1.Model\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12]\n\nListModels\x12\x1d.pepeseg.v1.ListModelsRequest\x1a\x1e.pepeseg.v1.ListModelsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12R\n\x0cSetLiveModel\x12\x1f.pepeseg.v1.SetLiveModelRequest\x1a\x11.pepeseg.v1.Scene\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x12U\n\x0b\x44\x65leteModel\x12\x1e.pepeseg.v1.DeleteModelRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.scene_service_pb2', globals())
@@ -47,39 +47,39 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _SCENE._serialized_start=161
   _SCENE._serialized_end=293
   _MODEL._serialized_start=296
-  _MODEL._serialized_end=634
-  _MODEL_METRICSENTRY._serialized_start=588
-  _MODEL_METRICSENTRY._serialized_end=634
-  _INPUTSOURCES._serialized_start=636
-  _INPUTSOURCES._serialized_end=695
-  _VIEW._serialized_start=698
-  _VIEW._serialized_end=925
-  _IMAGESCORES._serialized_start=927
-  _IMAGESCORES._serialized_end=998
-  _CREATESCENEREQUEST._serialized_start=1000
-  _CREATESCENEREQUEST._serialized_end=1092
-  _GETSCENEREQUEST._serialized_start=1094
-  _GETSCENEREQUEST._serialized_end=1125
-  _LISTSCENESREQUEST._serialized_start=1127
-  _LISTSCENESREQUEST._serialized_end=1185
-  _LISTSCENESRESPONSE._serialized_start=1187
-  _LISTSCENESRESPONSE._serialized_end=1267
-  _DELETESCENEREQUEST._serialized_start=1269
-  _DELETESCENEREQUEST._serialized_end=1303
-  _LISTVIEWSREQUEST._serialized_start=1305
-  _LISTVIEWSREQUEST._serialized_end=1378
-  _LISTVIEWSRESPONSE._serialized_start=1380
-  _LISTVIEWSRESPONSE._serialized_end=1457
-  _GETMODELREQUEST._serialized_start=1459
-  _GETMODELREQUEST._serialized_end=1490
-  _LISTMODELSREQUEST._serialized_start=1492
-  _LISTMODELSREQUEST._serialized_end=1566
-  _LISTMODELSRESPONSE._serialized_start=1568
-  _LISTMODELSRESPONSE._serialized_end=1648
-  _SETLIVEMODELREQUEST._serialized_start=1650
-  _SETLIVEMODELREQUEST._serialized_end=1685
-  _DELETEMODELREQUEST._serialized_start=1687
-  _DELETEMODELREQUEST._serialized_end=1721
-  _SCENESERVICE._serialized_start=1724
-  _SCENESERVICE._serialized_end=2498
+  _MODEL._serialized_end=669
+  _MODEL_METRICSENTRY._serialized_start=623
+  _MODEL_METRICSENTRY._serialized_end=669
+  _INPUTSOURCES._serialized_start=671
+  _INPUTSOURCES._serialized_end=730
+  _VIEW._serialized_start=733
+  _VIEW._serialized_end=960
+  _IMAGESCORES._serialized_start=962
+  _IMAGESCORES._serialized_end=1033
+  _CREATESCENEREQUEST._serialized_start=1035
+  _CREATESCENEREQUEST._serialized_end=1127
+  _GETSCENEREQUEST._serialized_start=1129
+  _GETSCENEREQUEST._serialized_end=1160
+  _LISTSCENESREQUEST._serialized_start=1162
+  _LISTSCENESREQUEST._serialized_end=1220
+  _LISTSCENESRESPONSE._serialized_start=1222
+  _LISTSCENESRESPONSE._serialized_end=1302
+  _DELETESCENEREQUEST._serialized_start=1304
+  _DELETESCENEREQUEST._serialized_end=1338
+  _LISTVIEWSREQUEST._serialized_start=1340
+  _LISTVIEWSREQUEST._serialized_end=1413
+  _LISTVIEWSRESPONSE._serialized_start=1415
+  _LISTVIEWSRESPONSE._serialized_end=1492
+  _GETMODELREQUEST._serialized_start=1494
+  _GETMODELREQUEST._serialized_end=1525
+  _LISTMODELSREQUEST._serialized_start=1527
+  _LISTMODELSREQUEST._serialized_end=1601
+  _LISTMODELSRESPONSE._serialized_start=1603
+  _LISTMODELSRESPONSE._serialized_end=1683
+  _SETLIVEMODELREQUEST._serialized_start=1685
+  _SETLIVEMODELREQUEST._serialized_end=1720
+  _DELETEMODELREQUEST._serialized_start=1722
+  _DELETEMODELREQUEST._serialized_end=1756
+  _SCENESERVICE._serialized_start=1759
+  _SCENESERVICE._serialized_end=2533
 # @@protoc_insertion_point(module_scope)

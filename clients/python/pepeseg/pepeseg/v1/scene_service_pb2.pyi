@@ -116,7 +116,7 @@ class ListViewsResponse(_message.Message):
     def __init__(self, views: _Optional[_Iterable[_Union[View, _Mapping]]] = ..., next_page_token: _Optional[str] = ...) -> None: ...
 
 class Model(_message.Message):
-    __slots__ = ["advice", "corrected_from", "create_time", "dataset", "device", "job", "metrics", "name", "num_bytes", "num_gaussians", "sources"]
+    __slots__ = ["advice", "corrected_from", "create_time", "dataset", "device", "edit", "edited_from", "job", "metrics", "name", "num_bytes", "num_gaussians", "sources"]
     class MetricsEntry(_message.Message):
         __slots__ = ["key", "value"]
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -129,6 +129,8 @@ class Model(_message.Message):
     CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
     DATASET_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
+    EDITED_FROM_FIELD_NUMBER: _ClassVar[int]
+    EDIT_FIELD_NUMBER: _ClassVar[int]
     JOB_FIELD_NUMBER: _ClassVar[int]
     METRICS_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
@@ -140,13 +142,15 @@ class Model(_message.Message):
     create_time: _timestamp_pb2.Timestamp
     dataset: str
     device: str
+    edit: str
+    edited_from: str
     job: str
     metrics: _containers.ScalarMap[str, float]
     name: str
     num_bytes: int
     num_gaussians: int
     sources: InputSources
-    def __init__(self, name: _Optional[str] = ..., job: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., metrics: _Optional[_Mapping[str, float]] = ..., device: _Optional[str] = ..., sources: _Optional[_Union[InputSources, _Mapping]] = ..., advice: _Optional[_Iterable[str]] = ..., dataset: _Optional[str] = ..., corrected_from: _Optional[str] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., job: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., num_gaussians: _Optional[int] = ..., num_bytes: _Optional[int] = ..., metrics: _Optional[_Mapping[str, float]] = ..., device: _Optional[str] = ..., sources: _Optional[_Union[InputSources, _Mapping]] = ..., advice: _Optional[_Iterable[str]] = ..., dataset: _Optional[str] = ..., corrected_from: _Optional[str] = ..., edited_from: _Optional[str] = ..., edit: _Optional[str] = ...) -> None: ...
 
 class Scene(_message.Message):
     __slots__ = ["active_job", "create_time", "display_name", "live_model", "name"]

@@ -19,7 +19,7 @@ from pepeseg.v1 import geometry_pb2 as pepeseg_dot_v1_dot_geometry__pb2
 from pepeseg.v1 import prompt_pb2 as pepeseg_dot_v1_dot_prompt__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\"pepeseg/v1/selection_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x19pepeseg/v1/geometry.proto\x1a\x17pepeseg/v1/prompt.proto\"\xa4\x01\n\tSelection\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05model\x18\x02 \x01(\t\x12\x15\n\rnum_gaussians\x18\x03 \x01(\x03\x12$\n\x03\x62ox\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.BoundingBox\x12\x0c\n\x04\x62\x61se\x18\x05 \x01(\t\x12/\n\x0b\x63reate_time\x18\x06 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"\xfc\x02\n\x16\x43reateSelectionRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12$\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.PromptH\x00\x12)\n\x07segment\x18\x03 \x01(\x0b\x32\x16.pepeseg.v1.SegmentRefH\x00\x12,\n\x0bgranularity\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12\x11\n\tnum_views\x18\x05 \x01(\x05\x12\x19\n\x11keep_disconnected\x18\x06 \x01(\x08\x12\x0c\n\x04\x62\x61se\x18\x07 \x01(\t\x12+\n\toperation\x18\x08 \x01(\x0e\x32\x18.pepeseg.v1.SetOperation\x12\x12\n\nrequest_id\x18\t \x01(\t\x12%\n\x05\x66rame\x18\n \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x17\n\nsam_clicks\x18\x0b \x01(\x08H\x01\x88\x01\x01\x42\x08\n\x06sourceB\r\n\x0b_sam_clicks\"z\n\x18\x43ombineSelectionsRequest\x12\r\n\x05\x66irst\x18\x01 \x01(\t\x12\x0e\n\x06second\x18\x02 \x01(\t\x12+\n\toperation\x18\x03 \x01(\x0e\x32\x18.pepeseg.v1.SetOperation\x12\x12\n\nrequest_id\x18\x04 \x01(\t\"$\n\x14UndoSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"#\n\x13GetSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"N\n\x15ListSelectionsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"\\\n\x16ListSelectionsResponse\x12)\n\nselections\x18\x01 \x03(\x0b\x32\x15.pepeseg.v1.Selection\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"&\n\x16\x44\x65leteSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t*\x9a\x01\n\x0cSetOperation\x12\x1d\n\x19SET_OPERATION_UNSPECIFIED\x10\x00\x12\x17\n\x13SET_OPERATION_UNION\x10\x01\x12\x1a\n\x16SET_OPERATION_SUBTRACT\x10\x02\x12\x1b\n\x17SET_OPERATION_INTERSECT\x10\x03\x12\x19\n\x15SET_OPERATION_REPLACE\x10\x04\x32\xec\x04\n\x10SelectionService\x12q\n\x0f\x43reateSelection\x12\".pepeseg.v1.CreateSelectionRequest\x1a\x15.pepeseg.v1.Selection\"#\x8a\xe2\x18\x1f\x08\x02\x12\x05model\x12\x0cprompt.label\x12\x04\x62\x61se\x18\x03\x12i\n\x11\x43ombineSelections\x12$.pepeseg.v1.CombineSelectionsRequest\x1a\x15.pepeseg.v1.Selection\"\x17\x8a\xe2\x18\x13\x08\x02\x12\x05\x66irst\x12\x06second\x18\x03\x12X\n\rUndoSelection\x12 .pepeseg.v1.UndoSelectionRequest\x1a\x15.pepeseg.v1.Selection\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x12V\n\x0cGetSelection\x12\x1f.pepeseg.v1.GetSelectionRequest\x1a\x15.pepeseg.v1.Selection\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12i\n\x0eListSelections\x12!.pepeseg.v1.ListSelectionsRequest\x1a\".pepeseg.v1.ListSelectionsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12]\n\x0f\x44\x65leteSelection\x12\".pepeseg.v1.DeleteSelectionRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\"pepeseg/v1/selection_service.proto\x12\npepeseg.v1\x1a\x1bgoogle/protobuf/empty.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x17pepeseg/v1/access.proto\x1a\x1epepeseg/v1/decomposition.proto\x1a\x19pepeseg/v1/geometry.proto\x1a\x17pepeseg/v1/prompt.proto\"\xe7\x01\n\tSelection\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\r\n\x05model\x18\x02 \x01(\t\x12\x15\n\rnum_gaussians\x18\x03 \x01(\x03\x12$\n\x03\x62ox\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.BoundingBox\x12\x0c\n\x04\x62\x61se\x18\x05 \x01(\t\x12/\n\x0b\x63reate_time\x18\x06 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\x12\x14\n\x0c\x64isplay_name\x18\x07 \x01(\t\x12+\n\tgaussians\x18\x08 \x01(\x0b\x32\x18.pepeseg.v1.GaussianBits\"\x1c\n\x0cGaussianBits\x12\x0c\n\x04\x62its\x18\x01 \x01(\x0c\"\xc1\x03\n\x16\x43reateSelectionRequest\x12\r\n\x05model\x18\x01 \x01(\t\x12$\n\x06prompt\x18\x02 \x01(\x0b\x32\x12.pepeseg.v1.PromptH\x00\x12)\n\x07segment\x18\x03 \x01(\x0b\x32\x16.pepeseg.v1.SegmentRefH\x00\x12-\n\tgaussians\x18\x0c \x01(\x0b\x32\x18.pepeseg.v1.GaussianBitsH\x00\x12,\n\x0bgranularity\x18\x04 \x01(\x0b\x32\x17.pepeseg.v1.Granularity\x12\x11\n\tnum_views\x18\x05 \x01(\x05\x12\x19\n\x11keep_disconnected\x18\x06 \x01(\x08\x12\x0c\n\x04\x62\x61se\x18\x07 \x01(\t\x12+\n\toperation\x18\x08 \x01(\x0e\x32\x18.pepeseg.v1.SetOperation\x12\x12\n\nrequest_id\x18\t \x01(\t\x12%\n\x05\x66rame\x18\n \x01(\x0e\x32\x16.pepeseg.v1.PixelFrame\x12\x17\n\nsam_clicks\x18\x0b \x01(\x08H\x01\x88\x01\x01\x12\x14\n\x0c\x64isplay_name\x18\r \x01(\tB\x08\n\x06sourceB\r\n\x0b_sam_clicks\"z\n\x18\x43ombineSelectionsRequest\x12\r\n\x05\x66irst\x18\x01 \x01(\t\x12\x0e\n\x06second\x18\x02 \x01(\t\x12+\n\toperation\x18\x03 \x01(\x0e\x32\x18.pepeseg.v1.SetOperation\x12\x12\n\nrequest_id\x18\x04 \x01(\t\"$\n\x14UndoSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\";\n\x13GetSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x16\n\x0ewant_gaussians\x18\x02 \x01(\x08\"N\n\x15ListSelectionsRequest\x12\x0e\n\x06parent\x18\x01 \x01(\t\x12\x11\n\tpage_size\x18\x02 \x01(\x05\x12\x12\n\npage_token\x18\x03 \x01(\t\"\\\n\x16ListSelectionsResponse\x12)\n\nselections\x18\x01 \x03(\x0b\x32\x15.pepeseg.v1.Selection\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"&\n\x16\x44\x65leteSelectionRequest\x12\x0c\n\x04name\x18\x01 \x01(\t*\x9a\x01\n\x0cSetOperation\x12\x1d\n\x19SET_OPERATION_UNSPECIFIED\x10\x00\x12\x17\n\x13SET_OPERATION_UNION\x10\x01\x12\x1a\n\x16SET_OPERATION_SUBTRACT\x10\x02\x12\x1b\n\x17SET_OPERATION_INTERSECT\x10\x03\x12\x19\n\x15SET_OPERATION_REPLACE\x10\x04\x32\xec\x04\n\x10SelectionService\x12q\n\x0f\x43reateSelection\x12\".pepeseg.v1.CreateSelectionRequest\x1a\x15.pepeseg.v1.Selection\"#\x8a\xe2\x18\x1f\x08\x02\x12\x05model\x12\x0cprompt.label\x12\x04\x62\x61se\x18\x03\x12i\n\x11\x43ombineSelections\x12$.pepeseg.v1.CombineSelectionsRequest\x1a\x15.pepeseg.v1.Selection\"\x17\x8a\xe2\x18\x13\x08\x02\x12\x05\x66irst\x12\x06second\x18\x03\x12X\n\rUndoSelection\x12 .pepeseg.v1.UndoSelectionRequest\x1a\x15.pepeseg.v1.Selection\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x12V\n\x0cGetSelection\x12\x1f.pepeseg.v1.GetSelectionRequest\x1a\x15.pepeseg.v1.Selection\"\x0e\x8a\xe2\x18\n\x08\x01\x12\x04name\x18\x01\x12i\n\x0eListSelections\x12!.pepeseg.v1.ListSelectionsRequest\x1a\".pepeseg.v1.ListSelectionsResponse\"\x10\x8a\xe2\x18\x0c\x08\x01\x12\x06parent\x18\x01\x12]\n\x0f\x44\x65leteSelection\x12\".pepeseg.v1.DeleteSelectionRequest\x1a\x16.google.protobuf.Empty\"\x0e\x8a\xe2\x18\n\x08\x02\x12\x04name\x18\x01\x62\x06proto3')
 
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, globals())
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'pepeseg.v1.selection_service_pb2', globals())
@@ -38,24 +38,26 @@ if _descriptor._USE_C_DESCRIPTORS == False:
   _SELECTIONSERVICE.methods_by_name['ListSelections']._serialized_options = b'\212\342\030\014\010\001\022\006parent\030\001'
   _SELECTIONSERVICE.methods_by_name['DeleteSelection']._options = None
   _SELECTIONSERVICE.methods_by_name['DeleteSelection']._serialized_options = b'\212\342\030\n\010\002\022\004name\030\001'
-  _SETOPERATION._serialized_start=1185
-  _SETOPERATION._serialized_end=1339
+  _SETOPERATION._serialized_start=1375
+  _SETOPERATION._serialized_end=1529
   _SELECTION._serialized_start=222
-  _SELECTION._serialized_end=386
-  _CREATESELECTIONREQUEST._serialized_start=389
-  _CREATESELECTIONREQUEST._serialized_end=769
-  _COMBINESELECTIONSREQUEST._serialized_start=771
-  _COMBINESELECTIONSREQUEST._serialized_end=893
-  _UNDOSELECTIONREQUEST._serialized_start=895
-  _UNDOSELECTIONREQUEST._serialized_end=931
-  _GETSELECTIONREQUEST._serialized_start=933
-  _GETSELECTIONREQUEST._serialized_end=968
-  _LISTSELECTIONSREQUEST._serialized_start=970
-  _LISTSELECTIONSREQUEST._serialized_end=1048
-  _LISTSELECTIONSRESPONSE._serialized_start=1050
-  _LISTSELECTIONSRESPONSE._serialized_end=1142
-  _DELETESELECTIONREQUEST._serialized_start=1144
-  _DELETESELECTIONREQUEST._serialized_end=1182
-  _SELECTIONSERVICE._serialized_start=1342
-  _SELECTIONSERVICE._serialized_end=1962
+  _SELECTION._serialized_end=453
+  _GAUSSIANBITS._serialized_start=455
+  _GAUSSIANBITS._serialized_end=483
+  _CREATESELECTIONREQUEST._serialized_start=486
+  _CREATESELECTIONREQUEST._serialized_end=935
+  _COMBINESELECTIONSREQUEST._serialized_start=937
+  _COMBINESELECTIONSREQUEST._serialized_end=1059
+  _UNDOSELECTIONREQUEST._serialized_start=1061
+  _UNDOSELECTIONREQUEST._serialized_end=1097
+  _GETSELECTIONREQUEST._serialized_start=1099
+  _GETSELECTIONREQUEST._serialized_end=1158
+  _LISTSELECTIONSREQUEST._serialized_start=1160
+  _LISTSELECTIONSREQUEST._serialized_end=1238
+  _LISTSELECTIONSRESPONSE._serialized_start=1240
+  _LISTSELECTIONSRESPONSE._serialized_end=1332
+  _DELETESELECTIONREQUEST._serialized_start=1334
+  _DELETESELECTIONREQUEST._serialized_end=1372
+  _SELECTIONSERVICE._serialized_start=1532
+  _SELECTIONSERVICE._serialized_end=2152
 # @@protoc_insertion_point(module_scope)

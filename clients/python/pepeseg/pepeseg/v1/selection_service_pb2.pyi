@@ -30,9 +30,11 @@ class CombineSelectionsRequest(_message.Message):
     def __init__(self, first: _Optional[str] = ..., second: _Optional[str] = ..., operation: _Optional[_Union[SetOperation, str]] = ..., request_id: _Optional[str] = ...) -> None: ...
 
 class CreateSelectionRequest(_message.Message):
-    __slots__ = ["base", "frame", "granularity", "keep_disconnected", "model", "num_views", "operation", "prompt", "request_id", "sam_clicks", "segment"]
+    __slots__ = ["base", "display_name", "frame", "gaussians", "granularity", "keep_disconnected", "model", "num_views", "operation", "prompt", "request_id", "sam_clicks", "segment"]
     BASE_FIELD_NUMBER: _ClassVar[int]
+    DISPLAY_NAME_FIELD_NUMBER: _ClassVar[int]
     FRAME_FIELD_NUMBER: _ClassVar[int]
+    GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
     GRANULARITY_FIELD_NUMBER: _ClassVar[int]
     KEEP_DISCONNECTED_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
@@ -43,7 +45,9 @@ class CreateSelectionRequest(_message.Message):
     SAM_CLICKS_FIELD_NUMBER: _ClassVar[int]
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     base: str
+    display_name: str
     frame: _prompt_pb2.PixelFrame
+    gaussians: GaussianBits
     granularity: _prompt_pb2.Granularity
     keep_disconnected: bool
     model: str
@@ -53,7 +57,7 @@ class CreateSelectionRequest(_message.Message):
     request_id: str
     sam_clicks: bool
     segment: _decomposition_pb2.SegmentRef
-    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., num_views: _Optional[int] = ..., keep_disconnected: bool = ..., base: _Optional[str] = ..., operation: _Optional[_Union[SetOperation, str]] = ..., request_id: _Optional[str] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., sam_clicks: bool = ...) -> None: ...
+    def __init__(self, model: _Optional[str] = ..., prompt: _Optional[_Union[_prompt_pb2.Prompt, _Mapping]] = ..., segment: _Optional[_Union[_decomposition_pb2.SegmentRef, _Mapping]] = ..., gaussians: _Optional[_Union[GaussianBits, _Mapping]] = ..., granularity: _Optional[_Union[_prompt_pb2.Granularity, _Mapping]] = ..., num_views: _Optional[int] = ..., keep_disconnected: bool = ..., base: _Optional[str] = ..., operation: _Optional[_Union[SetOperation, str]] = ..., request_id: _Optional[str] = ..., frame: _Optional[_Union[_prompt_pb2.PixelFrame, str]] = ..., sam_clicks: bool = ..., display_name: _Optional[str] = ...) -> None: ...
 
 class DeleteSelectionRequest(_message.Message):
     __slots__ = ["name"]
@@ -61,11 +65,19 @@ class DeleteSelectionRequest(_message.Message):
     name: str
     def __init__(self, name: _Optional[str] = ...) -> None: ...
 
+class GaussianBits(_message.Message):
+    __slots__ = ["bits"]
+    BITS_FIELD_NUMBER: _ClassVar[int]
+    bits: bytes
+    def __init__(self, bits: _Optional[bytes] = ...) -> None: ...
+
 class GetSelectionRequest(_message.Message):
-    __slots__ = ["name"]
+    __slots__ = ["name", "want_gaussians"]
     NAME_FIELD_NUMBER: _ClassVar[int]
+    WANT_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
     name: str
-    def __init__(self, name: _Optional[str] = ...) -> None: ...
+    want_gaussians: bool
+    def __init__(self, name: _Optional[str] = ..., want_gaussians: bool = ...) -> None: ...
 
 class ListSelectionsRequest(_message.Message):
     __slots__ = ["page_size", "page_token", "parent"]
@@ -86,20 +98,24 @@ class ListSelectionsResponse(_message.Message):
     def __init__(self, selections: _Optional[_Iterable[_Union[Selection, _Mapping]]] = ..., next_page_token: _Optional[str] = ...) -> None: ...
 
 class Selection(_message.Message):
-    __slots__ = ["base", "box", "create_time", "model", "name", "num_gaussians"]
+    __slots__ = ["base", "box", "create_time", "display_name", "gaussians", "model", "name", "num_gaussians"]
     BASE_FIELD_NUMBER: _ClassVar[int]
     BOX_FIELD_NUMBER: _ClassVar[int]
     CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
+    DISPLAY_NAME_FIELD_NUMBER: _ClassVar[int]
+    GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
     MODEL_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
     NUM_GAUSSIANS_FIELD_NUMBER: _ClassVar[int]
     base: str
     box: _geometry_pb2.BoundingBox
     create_time: _timestamp_pb2.Timestamp
+    display_name: str
+    gaussians: GaussianBits
     model: str
     name: str
     num_gaussians: int
-    def __init__(self, name: _Optional[str] = ..., model: _Optional[str] = ..., num_gaussians: _Optional[int] = ..., box: _Optional[_Union[_geometry_pb2.BoundingBox, _Mapping]] = ..., base: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., model: _Optional[str] = ..., num_gaussians: _Optional[int] = ..., box: _Optional[_Union[_geometry_pb2.BoundingBox, _Mapping]] = ..., base: _Optional[str] = ..., create_time: _Optional[_Union[_timestamp_pb2.Timestamp, _Mapping]] = ..., display_name: _Optional[str] = ..., gaussians: _Optional[_Union[GaussianBits, _Mapping]] = ...) -> None: ...
 
 class UndoSelectionRequest(_message.Message):
     __slots__ = ["name"]

@@ -55,8 +55,8 @@ class SelectionServiceServicer(object):
     """
 
     def CreateSelection(self, request, context):
-        """Selects in 3D the Gaussians of what a prompt means in 2D, or those of a segment. Errors are
-        those of SegmentationService.SegmentViews. If nothing is found the selection is empty.
+        """Selects in 3D the Gaussians of what a prompt means in 2D, those of a segment, or given ones. Errors
+        are those of SegmentationService.SegmentViews. If nothing is found the selection is empty.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
