@@ -40,6 +40,11 @@ async function colorIn3d(page: Page, [x, y]: Spot): Promise<{ r: number; g: numb
   );
 }
 
+/** Chooses what the files of Gaussians are of. */
+async function exportedPart(page: Page, title: string): Promise<void> {
+  await page.getByRole('combobox', { name: 'Of', exact: true }).selectOption(title);
+}
+
 /** Adds the tests. `shared` returns the page, with a scene on it. */
 export function testGaussians(shared: () => { readonly page: Page }): void {
   const splats = () => shared().page.locator('.splats');
@@ -113,6 +118,7 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     await page.getByRole('button', { name: 'Pick by box' }).click();
     const before = await colorIn3d(page, middle);
     const numPicked = await change(() => dragIn3d(page, aroundMiddle));
+    await exportedPart(page, 'Picked');
     const picked = await saved(page, page.getByRole('button', { name: 'Picked (PLY)' }));
     expect(numGaussians(picked)).toBe(numPicked);
     const corner: Spot = [0.2, 0.5];
@@ -131,7 +137,9 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     await expect.poll(() => count('hidden')).toBe(numPicked);
     expect(await colorIn3d(page, middle)).toEqual(without);
 
+    await exportedPart(page, 'Scene');
     const whole = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
+    await exportedPart(page, 'Without hidden');
     const rest = await saved(page, page.getByRole('button', { name: 'Without hidden (PLY)' }));
     expect(numGaussians(rest)).toBe(numGaussians(whole) - numPicked);
     for (const file of [picked, whole, rest]) rmSync(file);
@@ -155,6 +163,7 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     const inside = page.getByText(/[\d,]+ inside the box/);
     const numInside = async () => Number(/[\d,]+/.exec(await inside.innerText())?.[0].replace(/,/g, ''));
     const first = await numInside();
+    await exportedPart(page, 'Scene');
     const whole = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
     // 90 % along each of three axes.
     expect(first / numGaussians(whole)).toBeGreaterThan(0.7);
@@ -192,6 +201,7 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     expect(moved, 'one face').toHaveLength(1);
     await expect(page.locator('.mark'), 'a drag is no click').toHaveCount(0);
 
+    await exportedPart(page, 'Inside');
     const kept = await saved(page, page.getByRole('button', { name: 'Inside (PLY)' }));
     expect(numGaussians(kept)).toBe(await numInside());
     for (const file of [whole, kept]) rmSync(file);
