@@ -1,5 +1,6 @@
 // Numbers of a move, or a colour, of Gaussians; applied or dropped.
 import type { JSX } from 'preact';
+import { useEffect, useRef } from 'preact/hooks';
 import { Slider } from '../components/slider';
 import type { Triple } from '../gaussians/crop_box';
 import type { GaussianEdits } from '../gaussians/gaussian_edits';
@@ -56,7 +57,7 @@ function NumberField({ id, name, value, step, onValue }: NumberProps): JSX.Eleme
         type="number"
         step={step}
         // Digits that a drag in 3D has, but nobody reads, are left out.
-        value={Number(value.toPrecision(6))}
+        value={Number(value.toPrecision(4))}
         onChange={(event) => {
           const next = event.currentTarget.valueAsNumber;
           if (Number.isFinite(next)) onValue(next);
@@ -169,13 +170,15 @@ function ColorFields({ draft, drafting }: { draft: RecolorDraft; drafting: Draft
 export function DraftTools(props: Props & { draft: Draft }): JSX.Element {
   const { draft, drafting, editor } = props;
   const { step } = useStore(editor.task.state);
+  const form = useRef<HTMLFormElement>(null);
   const isOff = step !== undefined || !editOf(draft);
+  useEffect(() => form.current?.scrollIntoView({ block: 'nearest' }), [draft.kind]);
   const apply = (event: Event) => {
     event.preventDefault();
     void applyDraft(props);
   };
   return (
-    <form class="draft" noValidate onSubmit={apply}>
+    <form ref={form} class="draft" noValidate onSubmit={apply}>
       {draft.kind === 'move' ? (
         <MoveFields draft={draft} drafting={drafting} />
       ) : (

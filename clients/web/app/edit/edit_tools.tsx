@@ -4,6 +4,8 @@ import { useEffect, useState } from 'preact/hooks';
 import { FailureNote } from '../components/failure_note';
 import { countText } from '../format';
 import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import type { SceneLabels } from '../scene/labels';
+import { labelName } from '../scene/labels';
 import type { SceneSelections } from '../scene/selections';
 import type { SceneSession } from '../scene/session';
 import { usedGranularity } from '../scene/session_state';
@@ -16,6 +18,7 @@ import type { PlannedEdit, SceneEditor } from './scene_editor';
 
 interface Props {
   session: SceneSession;
+  labels: SceneLabels;
   selections: SceneSelections;
   edits: GaussianEdits;
   editor: SceneEditor;
@@ -33,18 +36,22 @@ const kindNames: Readonly<Record<Kind, string>> = {
 };
 
 /** Returns what can be edited, and each one's text. Gaussians that were picked come first. */
-function useSubjects({ session, selections, edits }: Props): (EditSubject & { text: string })[] {
+function useSubjects({ session, labels, selections, edits }: Props): (EditSubject & { text: string })[] {
   const state = useStore(session.state);
   const { selection } = useStore(selections.state);
+  const named = useStore(labels.list);
   const { numPicked, edits: edited } = useStore(edits.state);
   const subjects: (EditSubject & { text: string })[] = [];
   if (numPicked > 0) {
     const text = `${countText(numPicked)} picked Gaussians.`;
     subjects.push({ kind: 'picked', set: edited.picked, text });
   }
-  if (state.prompt && state.answer) {
+  const { prompt, answer } = state;
+  if (prompt && answer) {
     const granularity = usedGranularity(state);
-    subjects.push({ kind: 'segment', prompt: state.prompt, granularity, text: 'The segment.' });
+    const label = prompt.kind === 'label' && named.find(({ name }) => name === prompt.label);
+    const text = label ? `“${labelName(label)}”.` : 'The segment.';
+    subjects.push({ kind: 'segment', prompt, granularity, text });
   }
   if (selection && selection.numGaussians > 0n) {
     const text = `The selection: ${countText(selection.numGaussians)} Gaussians.`;
@@ -98,21 +105,13 @@ export function EditTools(props: Props): JSX.Element {
       <FailureNote failure={failure} close={() => editor.task.closeFailure()} />
       {draft && <DraftTools {...props} draft={draft} />}
       {subject && !draft && (
-        <div class="downloads">
+        <div class="edits">
           <button
             type="button"
             disabled={isOff}
             onClick={() => make('Remove', { case: 'remove', value: { fill } })}
           >
             Remove
-          </button>
-          <button
-            type="button"
-            disabled={isOff}
-            title="Removes everything else"
-            onClick={() => make('Keep only this', { case: 'remove', value: {} }, true)}
-          >
-            Keep only this
           </button>
           <button type="button" disabled={isOff} onClick={() => void begin('move')}>
             Move
@@ -122,6 +121,15 @@ export function EditTools(props: Props): JSX.Element {
           </button>
           <button type="button" disabled={isOff} onClick={() => void begin('recolor')}>
             Recolour
+          </button>
+          <button
+            type="button"
+            class="wide"
+            disabled={isOff}
+            title="Removes everything else"
+            onClick={() => make('Keep only this', { case: 'remove', value: {} }, true)}
+          >
+            Keep only this
           </button>
           <label class="check" title="Continues the surroundings where the thing was">
             <input

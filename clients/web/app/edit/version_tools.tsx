@@ -64,15 +64,13 @@ export function VersionTools({ model, versions, editor, history }: Props): JSX.E
                 <button
                   type="button"
                   class="thing"
-                  title={text}
+                  title={`${text}. ${countText(version.numGaussians)} Gaussians`}
                   aria-pressed={isShown}
                   disabled={isOff}
                   onClick={() => !isShown && void run(() => editor.goTo(version.name, model))}
                 >
                   <span class="name">{text}</span>
-                  <span class="quiet">
-                    {`${dateText(version.createTime)}, ${countText(version.numGaussians)} Gaussians`}
-                  </span>
+                  <span class="quiet">{dateText(version.createTime)}</span>
                 </button>
                 {!isShown && (
                   <ConfirmButton

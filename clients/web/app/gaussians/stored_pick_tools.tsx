@@ -82,7 +82,10 @@ function StoredPick({ selection, edits, storedPicks }: Props & { selection: Sele
       >
         <Icon name={isShown ? 'eye' : 'unseen'} />
       </button>
-      <span class="quiet about">{`${countText(numGaussians)} Gaussians`}</span>
+      <span class="quiet extent">
+        <span>{countText(numGaussians)}</span>
+        <span>Gaussians</span>
+      </span>
       <ConfirmButton
         class="bare"
         sure="Delete?"
@@ -107,7 +110,7 @@ export function StoredPickList(props: Props): JSX.Element | null {
       )}
       <FailureNote failure={failure} close={() => props.storedPicks.closeFailure()} />
       {list.length > 0 && (
-        <ul class="things" aria-label="Picks with names">
+        <ul class="things stored" aria-label="Picks with names">
           {list.map((selection) => (
             <StoredPick key={selection.name} {...props} selection={selection} />
           ))}

@@ -155,7 +155,7 @@ export function SplatPane(props: Props): JSX.Element {
         aria-label={isMoving ? moveLabel : picks ? pickLabel : turnLabel}
         onPointerDown={press}
         onPointerMove={(event) => {
-          const isDragged = cropping.move(event);
+          const isDragged = !isMoving && cropping.move(event);
           if (!isDragged) drawn.move(event);
           cameras.move(event, !isDragged && !drawn.draws && !isMoving);
         }}

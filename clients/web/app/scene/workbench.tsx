@@ -43,8 +43,7 @@ interface Props {
   onModel: (model: string) => void;
 }
 
-const editedAdvice =
-  'This version was edited. Photographs do not show that: you see renderings (V switches).';
+const editedAdvice = 'Photographs do not show this edit, so these are renderings.';
 
 /** Returns true from the first time on that a condition holds. */
 function useOnce(holds: boolean): boolean {
@@ -222,7 +221,7 @@ export function SceneWorkbench({ subject, views, layout, onModel }: Props): JSX.
     <>
       {pictures.isEdited && <Advice about={`${subject.scene}/edits`} text={editedAdvice} />}
       <div
-        class={`workbench ${isPanelOpen ? '' : 'folded'}`}
+        class={`workbench ${isPanelOpen ? '' : 'folded'} ${draft ? 'drafting' : ''}`}
         data-model={subject.model}
         style={{ '--ratio': `${width / height}` }}
       >

@@ -14,8 +14,10 @@ export interface MovedHost {
   dragged(isDragged: boolean): void;
 }
 
-/** Size of the handles, in three's units. */
+/** Size of the handles, in three's units, on a canvas of this height or more, pixels; on smaller ones it grows. */
 const handleSize = 0.8;
+const largeHeight = 600;
+const maxHandleSize = 1.6;
 
 /** Its origin is the pivot, and its transform the move. */
 export class MovedThing extends Group {
@@ -73,6 +75,7 @@ export class MovedThing extends Group {
       this.remove(handles.getHelper());
       handles.detach();
       handles.dispose();
+      this.hovered(false);
     }
     if (splats) {
       this.thing.remove(splats.mesh);
@@ -86,14 +89,20 @@ export class MovedThing extends Group {
 
   private makeHandles(): TransformControls {
     const handles = new TransformControls(this.camera3d, this.canvas);
-    handles.setSize(handleSize);
+    const height = Math.max(1, this.canvas.clientHeight);
+    handles.setSize(Math.min(handleSize * Math.max(1, largeHeight / height), maxHandleSize));
     handles.attach(this.thing);
     handles.addEventListener('change', () => this.host.changed());
     handles.addEventListener('dragging-changed', ({ value }) => this.host.dragged(value === true));
+    handles.addEventListener('axis-changed', ({ value }) => this.hovered(value !== null));
     handles.addEventListener('objectChange', () => this.dragged(handles));
     this.add(handles.getHelper());
     this.handles = handles;
     return handles;
+  }
+
+  private hovered(isOverHandle: boolean): void {
+    this.canvas.classList.toggle('on-handle', isOverHandle);
   }
 
   private dragged(handles: TransformControls): void {

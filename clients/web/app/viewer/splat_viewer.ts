@@ -117,7 +117,8 @@ export class SplatViewer {
       old.dispose();
     }
     this.parts = loaded;
-    if (model !== this.model) this.moved.stop();
+    // A move may have begun before its model was loaded the first time.
+    if (this.model !== '' && model !== this.model) this.moved.stop();
     this.model = model;
     for (const { mesh } of loaded) this.scene.add(mesh);
     this.mark(this.marks);

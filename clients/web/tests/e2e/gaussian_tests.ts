@@ -2,48 +2,10 @@
 import { rmSync } from 'node:fs';
 import type { Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
+import type { Spot } from './hands_in_3d';
+import { colorIn3d, dragIn3d, exportedPart } from './hands_in_3d';
 import { noFindings, picturesOf, screenshot } from './on_screen';
 import { numGaussians, saved } from './saved_files';
-
-/** Positions are shares of the 3D view's width and height. */
-type Spot = readonly [number, number];
-
-/** Drags over the 3D view, with a key held. */
-async function dragIn3d(page: Page, path: readonly Spot[], held?: 'Shift' | 'Alt'): Promise<void> {
-  const edges = await page.locator('.splats-canvas').boundingBox();
-  if (!edges) throw new Error('no 3D view');
-  if (held) await page.keyboard.down(held);
-  for (const [i, [x, y]] of path.entries()) {
-    const steps = i === 0 ? 1 : 5;
-    await page.mouse.move(edges.x + x * edges.width, edges.y + y * edges.height, { steps });
-    if (i === 0) await page.mouse.down();
-  }
-  await page.mouse.up();
-  if (held) await page.keyboard.up(held);
-}
-
-/** Returns the colour of the 3D view's picture around a position, each from 0 to 255. */
-async function colorIn3d(page: Page, [x, y]: Spot): Promise<{ r: number; g: number; b: number }> {
-  await page.waitForTimeout(1500); // for Spark to sort
-  return page.locator('.splats-canvas').evaluate(
-    (canvas, at) => {
-      const one = new OffscreenCanvas(1, 1);
-      const context = one.getContext('2d') as OffscreenCanvasRenderingContext2D;
-      const { width, height } = canvas as HTMLCanvasElement;
-      const side = 8;
-      const corner = [at[0] * width - side / 2, at[1] * height - side / 2] as const;
-      context.drawImage(canvas as HTMLCanvasElement, ...corner, side, side, 0, 0, 1, 1);
-      const [r = 0, g = 0, b = 0] = context.getImageData(0, 0, 1, 1).data;
-      return { r, g, b };
-    },
-    [x, y] as const,
-  );
-}
-
-/** Chooses what the files of Gaussians are of. */
-async function exportedPart(page: Page, title: string): Promise<void> {
-  await page.getByRole('combobox', { name: 'Of', exact: true }).selectOption(title);
-}
 
 /** Adds the tests. `shared` returns the page, with a scene on it. */
 export function testGaussians(shared: () => { readonly page: Page }): void {
