@@ -172,7 +172,11 @@ export function DraftTools(props: Props & { draft: Draft }): JSX.Element {
   const { step } = useStore(editor.task.state);
   const form = useRef<HTMLFormElement>(null);
   const isOff = step !== undefined || !editOf(draft);
-  useEffect(() => form.current?.scrollIntoView({ block: 'nearest' }), [draft.kind]);
+  // The button that began the draft is gone, and its focus with it.
+  useEffect(() => {
+    form.current?.querySelector<HTMLElement>('button, input')?.focus({ preventScroll: true });
+    form.current?.scrollIntoView({ block: 'nearest' });
+  }, [draft.kind]);
   const apply = (event: Event) => {
     event.preventDefault();
     void applyDraft(props);

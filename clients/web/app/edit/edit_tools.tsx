@@ -1,6 +1,6 @@
 // Edits of the current thing: removed, moved, copied, coloured, or kept alone.
 import type { JSX } from 'preact';
-import { useEffect, useState } from 'preact/hooks';
+import { useEffect, useRef, useState } from 'preact/hooks';
 import { FailureNote } from '../components/failure_note';
 import { countText } from '../format';
 import type { GaussianEdits } from '../gaussians/gaussian_edits';
@@ -70,7 +70,15 @@ export function EditTools(props: Props): JSX.Element {
   const draft = useStore(drafting.state);
   const subject = subjects.find((other) => other.kind === kind) ?? subjects[0];
   const isOff = step !== undefined;
+  const buttons = useRef<HTMLDivElement>(null);
+  const drafted = useRef(draft);
   useEffect(() => setKind(undefined), [model]);
+  useEffect(() => {
+    // The draft's form had the focus, and is gone.
+    const isLost = document.activeElement === document.body;
+    if (drafted.current && !draft && isLost) buttons.current?.querySelector('button')?.focus();
+    drafted.current = draft;
+  }, [draft]);
   const make = (name: string, edit: PlannedEdit['edit'], complement = false) => {
     if (subject) void editor.make({ name, model, subject, complement, edit, isPicked: false });
   };
@@ -105,7 +113,7 @@ export function EditTools(props: Props): JSX.Element {
       <FailureNote failure={failure} close={() => editor.task.closeFailure()} />
       {draft && <DraftTools {...props} draft={draft} />}
       {subject && !draft && (
-        <div class="edits">
+        <div ref={buttons} class="edits">
           <button
             type="button"
             disabled={isOff}

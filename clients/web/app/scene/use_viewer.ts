@@ -54,7 +54,12 @@ function useMoved(
     let isOver = false;
     const { picked } = edits.state.get().edits;
     void edits.plyOf(picked).then((file) => {
-      if (!isOver) void moved.begin(file, move.pivot, (to) => drafting.moveTo(to));
+      // Numbers may have been typed meanwhile.
+      const now = drafting.state.get();
+      if (isOver || now?.kind !== 'move') return;
+      void moved.begin(file, now.pivot, (to) => drafting.moveTo(to));
+      moved.setMode(now.mode);
+      moved.put(now.move);
     });
     return () => {
       isOver = true;

@@ -75,6 +75,8 @@ export class MovedThing extends Group {
       this.remove(handles.getHelper());
       handles.detach();
       handles.dispose();
+      // They give the page its scrolling back, but a drag here turns the view.
+      this.canvas.style.touchAction = 'none';
       this.hovered(false);
     }
     if (splats) {
@@ -107,9 +109,9 @@ export class MovedThing extends Group {
 
   private dragged(handles: TransformControls): void {
     const { position, quaternion, scale } = this.thing;
-    // The handle of one axis scales all of them: Gaussians have one scale.
-    const { axis } = handles;
-    const factor = axis === 'Y' ? scale.y : axis === 'Z' ? scale.z : scale.x;
+    // A handle of one axis or two scales all of them: a move has one scale.
+    const axis = handles.axis ?? 'X';
+    const factor = axis.includes('X') ? scale.x : axis.includes('Y') ? scale.y : scale.z;
     scale.setScalar(Math.abs(factor));
     const turned = new Euler().setFromQuaternion(quaternion, 'XYZ');
     const [px, py, pz] = this.pivot;

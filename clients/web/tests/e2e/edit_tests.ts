@@ -187,9 +187,11 @@ export function testEdits(shared: () => { readonly page: Page }): void {
     const start = await modelNow();
     const count = await pickMiddle();
     const before = await colorIn3d(page, [0.5, 0.5]);
-    await button('Move').first().click();
+    await button('Move').click();
     const along = (axis: string) =>
       page.getByRole('group', { name: 'Move by, scene units' }).getByLabel(axis);
+    const modes = page.getByRole('group', { name: 'What the handles in 3D do' });
+    await expect(modes.getByRole('button', { name: 'Move' })).toBeFocused();
     await expect(button('Apply')).toBeDisabled();
     await page.waitForTimeout(1500); // for Spark to sort
     const at = await handleOn(page);
@@ -208,7 +210,6 @@ export function testEdits(shared: () => { readonly page: Page }): void {
       ['g', 'Move'],
     ] as const) {
       await page.locator('.splats-canvas').press(key);
-      const modes = page.getByRole('group', { name: 'What the handles in 3D do' });
       await expect(modes.getByRole('button', { name })).toHaveAttribute('aria-pressed', 'true');
     }
     await page.keyboard.press('Escape');
