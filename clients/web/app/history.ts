@@ -67,6 +67,13 @@ export class History {
     this.report();
   }
 
+  /** Forgets all changes. */
+  clear(): void {
+    this.done = [];
+    this.undone = [];
+    this.report();
+  }
+
   isNewest(change: Change | undefined): boolean {
     return change !== undefined && this.done.at(-1) === change;
   }

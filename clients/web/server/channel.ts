@@ -5,6 +5,7 @@ import { createGrpcTransport } from '@connectrpc/connect-node';
 import { setTimeout } from 'node:timers/promises';
 import { detailOf } from '../contract/error_detail';
 import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
+import { EditService } from '../gen/pepeseg/v1/edit_service_pb';
 import { JobService } from '../gen/pepeseg/v1/job_service_pb';
 import { LabelService } from '../gen/pepeseg/v1/label_service_pb';
 import { RenderService } from '../gen/pepeseg/v1/render_service_pb';
@@ -24,6 +25,7 @@ export interface Channel {
   readonly segmentation: Client<typeof SegmentationService>;
   readonly labels: Client<typeof LabelService>;
   readonly selections: Client<typeof SelectionService>;
+  readonly editing: Client<typeof EditService>;
   readonly rendering: Client<typeof RenderService>;
 }
 
@@ -79,6 +81,7 @@ export function openChannel(config: Config): Channel {
     segmentation: createClient(SegmentationService, transport),
     labels: createClient(LabelService, transport),
     selections: createClient(SelectionService, transport),
+    editing: createClient(EditService, transport),
     rendering: createClient(RenderService, transport),
   };
 }

@@ -4,6 +4,7 @@
 import type { DescMessage, MessageShape } from '@bufbuild/protobuf';
 import type { ConnectRouter, HandlerContext } from '@connectrpc/connect';
 import { DatasetService } from '../gen/pepeseg/v1/dataset_service_pb';
+import { EditService } from '../gen/pepeseg/v1/edit_service_pb';
 import { JobService } from '../gen/pepeseg/v1/job_service_pb';
 import { LabelService } from '../gen/pepeseg/v1/label_service_pb';
 import { SceneService } from '../gen/pepeseg/v1/scene_service_pb';
@@ -63,7 +64,7 @@ function passStream(call: StreamCall) {
 }
 
 export function addRoutes(router: ConnectRouter, { channel }: BackEnd): void {
-  const { scenes, datasets, jobs, segmentation, labels, selections } = channel;
+  const { scenes, datasets, jobs, segmentation, labels, selections, editing } = channel;
   const own = new Set(['writeFiles', 'streamSegments', 'getPhotograph']);
   const pairs = [
     [SceneService, scenes],
@@ -72,6 +73,7 @@ export function addRoutes(router: ConnectRouter, { channel }: BackEnd): void {
     [SegmentationService, segmentation],
     [LabelService, labels],
     [SelectionService, selections],
+    [EditService, editing],
   ] as const;
   for (const [service, client] of pairs) {
     const calls = client as unknown as Record<string, UnaryCall & StreamCall>;

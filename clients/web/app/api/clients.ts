@@ -2,6 +2,7 @@
 import { createClient } from '@connectrpc/connect';
 import { createConnectTransport } from '@connectrpc/connect-web';
 import { DatasetService } from '../../gen/pepeseg/v1/dataset_service_pb';
+import { EditService } from '../../gen/pepeseg/v1/edit_service_pb';
 import { JobService } from '../../gen/pepeseg/v1/job_service_pb';
 import { LabelService } from '../../gen/pepeseg/v1/label_service_pb';
 import type { GaussianFormat, MeshFormat } from '../../gen/pepeseg/v1/render_service_pb';
@@ -17,6 +18,7 @@ export const jobs = createClient(JobService, transport);
 export const segmentation = createClient(SegmentationService, transport);
 export const labels = createClient(LabelService, transport);
 export const selections = createClient(SelectionService, transport);
+export const editing = createClient(EditService, transport);
 
 /** Returns the items of all pages of a list. */
 export async function allPages<T>(

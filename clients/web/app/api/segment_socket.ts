@@ -32,7 +32,6 @@ export class SegmentSocket {
   /** Who gets the answers, for requests that are not the constructor's. */
   private readonly takers = new Map<bigint, Answers>();
   private answeredUpTo = 0n;
-  private closed = false;
   private readonly backoff = new Backoff();
 
   constructor(private readonly answers: Answers) {}
@@ -47,13 +46,20 @@ export class SegmentSocket {
     return this.sequence;
   }
 
+  /** Forgets the requests that have no answer yet. A later request opens the socket again. */
   close(): void {
-    this.closed = true;
-    this.socket?.close(1000);
+    this.answeredUpTo = this.sequence;
+    this.takers.clear();
+    const { socket } = this;
+    this.socket = undefined;
+    if (!socket) return;
+    socket.onclose = null;
+    socket.onmessage = null;
+    socket.close(1000);
   }
 
   private open(): void {
-    if (this.socket || this.closed) return;
+    if (this.socket) return;
     const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
     const socket = new WebSocket(`${scheme}://${location.host}/api/segment-stream`);
     socket.binaryType = 'arraybuffer';
@@ -84,7 +90,7 @@ export class SegmentSocket {
   private async lost(event: CloseEvent): Promise<void> {
     this.socket = undefined;
     // An idle socket is opened again for the next request.
-    if (this.closed || this.answeredUpTo === this.sequence) return;
+    if (this.answeredUpTo === this.sequence) return;
     const code = event.code > 4000 ? ((event.code - 4000) as Code) : Code.Unavailable;
     if (code !== Code.Unavailable && code !== Code.Canceled) {
       this.answeredUpTo = this.sequence;
@@ -92,6 +98,6 @@ export class SegmentSocket {
       return;
     }
     await this.backoff.wait('The server does not answer.', undefined);
-    this.open();
+    if (this.answeredUpTo < this.sequence) this.open();
   }
 }

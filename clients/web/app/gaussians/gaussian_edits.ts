@@ -1,5 +1,4 @@
-// A person's changes to the Gaussians of a model in 3D: picks, hides, shows alone, cuts off. The contract has no
-// selections of Gaussians by their indices, so that all of this stays in the page.
+// What a person picks, hides, shows alone and cuts off of a model's Gaussians in 3D. The model stays as it is.
 import { plyUrl } from '../api/clients';
 import type { Failure } from '../api/failure';
 import { failureOf, isCancelled } from '../api/failure';
@@ -12,7 +11,7 @@ import type { SightOfPhotograph } from './floaters';
 import type { GaussianPly } from './gaussian_ply';
 import { plyOf } from './gaussian_ply';
 import type { Combination, GaussianSet } from './gaussian_set';
-import { combined, complementOf, sizeOfSet } from './gaussian_set';
+import { combined, complementOf, setOfBits, sizeOfSet } from './gaussian_set';
 import type { GaussianWork } from './gaussian_work';
 import { WorkInWorker } from './gaussian_work';
 
@@ -81,13 +80,20 @@ export class GaussianEdits {
   private picks: Promise<void> = Promise.resolve();
   /** What was before the faces of the crop box began to move. */
   private beforeMove: Edits | undefined;
-  private readonly controller = new AbortController();
+  private controller = new AbortController();
 
+  /** `first`: what is picked at first, as in GaussianBits. */
   constructor(
     readonly model: string,
     private readonly history = new History(),
+    private first?: Uint8Array,
     private readonly work: GaussianWork = new WorkInWorker(),
   ) {}
+
+  /** Called when the model is shown: what was picked or hidden before is drawn again. */
+  begin(): void {
+    if (this.first || this.state.get().edits.picked.length > 0) void this.load();
+  }
 
   /** Loads the model's Gaussians, once. Afterwards they are there, or the state has the failure. */
   load(): Promise<void> {
@@ -104,12 +110,23 @@ export class GaussianEdits {
     return picked;
   }
 
+  /** Picks what bits as in GaussianBits say. */
+  pickBits(bits: Uint8Array): Promise<void> {
+    return this.pick(async ({ count }) => setOfBits(bits, count), 'replace');
+  }
+
   /** Hides the picked Gaussians, which are then no longer picked. */
   hidePicked(): void {
     const { edits, numPicked } = this.state.get();
     if (numPicked === 0) return;
     const hidden = combined(edits.hidden, edits.picked, 'add');
     this.change('Hide', { hidden, picked: this.none(), isAlone: false });
+  }
+
+  /** Hides Gaussians, or shows them. `name`: what the change is called. */
+  hide(name: string, set: GaussianSet, isHidden: boolean): void {
+    const { hidden } = this.state.get().edits;
+    this.change(name, { hidden: combined(hidden, set, isHidden ? 'add' : 'subtract') });
   }
 
   /** Shows what was hidden. */
@@ -184,9 +201,15 @@ export class GaussianEdits {
     return plyOf(this.file, set);
   }
 
+  /** Called when the model is no longer shown: its Gaussians are forgotten, what was done to them is not. */
   end(): void {
     this.controller.abort();
+    this.controller = new AbortController();
     this.work.end();
+    this.file = undefined;
+    this.loaded = undefined;
+    this.picks = Promise.resolve();
+    this.state.patch({ gaussians: undefined, loading: undefined, searching: false });
   }
 
   private async pickNow(found: FindGaussians, how: Combination): Promise<void> {
@@ -200,7 +223,7 @@ export class GaussianEdits {
   }
 
   private none(): GaussianSet {
-    return new Uint8Array(this.state.get().gaussians?.count ?? 0);
+    return new Uint8Array(this.state.get().edits.picked.length);
   }
 
   private change(name: string, change: Partial<Edits>): void {
@@ -229,14 +252,24 @@ export class GaussianEdits {
     const { signal } = this.controller;
     const progress = (done: number, total: number) => this.state.patch({ loading: { done, total } });
     try {
-      this.file = await fetchFile(plyUrl(this.model), { signal, progress });
-      const gaussians = await this.work.read(this.file);
+      const file = await fetchFile(plyUrl(this.model), { signal, progress });
+      const gaussians = await this.work.read(file);
+      signal.throwIfAborted();
+      this.file = file;
       this.state.patch({ gaussians });
-      this.put({ ...nothingEdited, picked: this.none(), hidden: this.none() });
+      this.putFirst(gaussians.count);
     } catch (error) {
       if (!signal.aborted && !isCancelled(error)) this.state.patch({ failure: failureOf(error) });
     } finally {
-      this.state.patch({ loading: undefined });
+      if (!signal.aborted) this.state.patch({ loading: undefined });
     }
+  }
+
+  /** Puts what is picked at first, unless something was done before. */
+  private putFirst(count: number): void {
+    if (this.state.get().edits.picked.length === count) return;
+    const picked = this.first ? setOfBits(this.first, count) : new Uint8Array(count);
+    this.first = undefined;
+    this.put({ ...nothingEdited, picked, hidden: new Uint8Array(count) });
   }
 }

@@ -10,6 +10,8 @@ export interface GaussianPly {
   readonly sizes: Float32Array;
   /** From 0 to 1. */
   readonly opacities: Float32Array;
+  /** Luminance (Rec. 709) of the colour without its change by direction, from 0 to 1. */
+  readonly luminances: Float32Array;
 }
 
 interface Property {
@@ -39,11 +41,19 @@ const typeBytes: Readonly<Record<string, number>> = {
   float: 4,
   double: 8,
 };
+/** Value of the constant spherical harmonic. */
+const harmonic = 0.28209479177387814;
 const headerEnd = 'end_header\n';
 /** Maximum number of bytes of a header. */
 const maxHeader = 1 << 16;
 /** Records that are copied at a time, so that the page stays responsive. */
 const recordsAtATime = 1 << 14;
+
+/** Returns the luminance of red, green and blue, which are kept from 0 to 1. */
+function luminanceOf(red: number, green: number, blue: number): number {
+  const kept = (part: number) => Math.min(Math.max(part, 0), 1);
+  return 0.2126 * kept(red) + 0.7152 * kept(green) + 0.0722 * kept(blue);
+}
 
 function headerOf(start: ArrayBuffer): Header {
   const text = new TextDecoder('latin1').decode(start);
@@ -103,15 +113,21 @@ export function readGaussianPly(bytes: ArrayBuffer): GaussianPly {
   const { count } = header;
   const sizes = new Float32Array(count);
   const opacities = new Float32Array(count);
+  const luminances = new Float32Array(count);
   const [a, b, c] = ['scale_0', 'scale_1', 'scale_2'].map((name) => reader(bytes, header, name));
   const opacity = reader(bytes, header, 'opacity');
+  const [red, green, blue] = ['f_dc_0', 'f_dc_1', 'f_dc_2'].map((name) => reader(bytes, header, name));
   for (let i = 0; a && b && c && i < count; ++i) {
     sizes[i] = Math.exp(Math.max(a(i), b(i), c(i)));
     opacities[i] = 1 / (1 + Math.exp(-opacity(i)));
   }
+  for (let i = 0; red && green && blue && i < count; ++i) {
+    const color = (value: number) => 0.5 + harmonic * value;
+    luminances[i] = luminanceOf(color(red(i)), color(green(i)), color(blue(i)));
+  }
   const centers = new Float32Array(3 * count);
   centerReader(bytes, header, centers)(0, count);
-  return { count, centers, sizes, opacities };
+  return { count, centers, sizes, opacities, luminances };
 }
 
 /** Returns the PLY of the Gaussians that are in a set, whose records are those of `file`, byte for byte. */

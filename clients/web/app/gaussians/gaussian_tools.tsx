@@ -1,18 +1,16 @@
-// Gaussians that were picked, hidden or cut off in 3D: how many, and their files.
+// Gaussians that were picked, hidden or cut off in 3D: how many, and what to do with them.
 import type { JSX } from 'preact';
-import { useMemo, useState } from 'preact/hooks';
+import { useMemo } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
-import type { Failure } from '../api/failure';
-import { failureOf } from '../api/failure';
 import { FailureNote } from '../components/failure_note';
 import { bytesText, countText } from '../format';
-import { saveBlob } from '../mask/save_files';
 import { useStore } from '../store';
 import { CropTools } from './crop_tools';
 import type { GaussianEdits, GaussianState } from './gaussian_edits';
-import type { GaussianSet } from './gaussian_set';
 import { sizeOfSet } from './gaussian_set';
 import { sightsOf } from './sights';
+import { StoreTools } from './stored_pick_tools';
+import type { StoredPicks } from './stored_picks';
 
 /** Returns what is waited for; empty: nothing. */
 export function waitText({ loading, searching }: GaussianState): string {
@@ -38,30 +36,17 @@ function describe({ numPicked, numHidden, numFloaters, edits }: GaussianState, k
 }
 
 interface Props {
-  sceneId: string;
   edits: GaussianEdits;
+  storedPicks: StoredPicks;
   views: readonly View[];
 }
 
-export function GaussianTools({ sceneId, edits, views }: Props): JSX.Element {
+export function GaussianTools({ edits, storedPicks, views }: Props): JSX.Element {
   const state = useStore(edits.state);
-  const { gaussians, edits: edited, numPicked, numHidden, numFloaters, failure } = state;
+  const { gaussians, edits: edited, numHidden, numFloaters, failure } = state;
   const { crop, hidden } = edited;
   const kept = useMemo(() => sizeOfSet(edits.kept()), [gaussians, crop, hidden]);
-  const [writing, setWriting] = useState(false);
-  const [unwritten, setUnwritten] = useState<Failure>();
-  const save = async (set: GaussianSet, name: string) => {
-    setWriting(true);
-    setUnwritten(undefined);
-    try {
-      saveBlob(await edits.plyOf(set), `${sceneId}-${name}.ply`);
-    } catch (error) {
-      setUnwritten(failureOf(error));
-    } finally {
-      setWriting(false);
-    }
-  };
-  const waits = waitText(state) || (writing ? 'Writing the file …' : '');
+  const waits = waitText(state);
   return (
     <section aria-labelledby="gaussians-title">
       <h2 id="gaussians-title">Gaussians</h2>
@@ -69,7 +54,7 @@ export function GaussianTools({ sceneId, edits, views }: Props): JSX.Element {
         {waits || describe(state, kept)}
       </p>
       <FailureNote failure={failure} close={() => edits.closeFailure()} />
-      <FailureNote failure={unwritten} close={() => setUnwritten(undefined)} />
+      <StoreTools edits={edits} storedPicks={storedPicks} />
       <div class="row wrap">
         <button
           type="button"
@@ -93,25 +78,6 @@ export function GaussianTools({ sceneId, edits, views }: Props): JSX.Element {
         >
           Crop box
         </button>
-        {numPicked > 0 && (
-          <button
-            type="button"
-            disabled={waits !== ''}
-            onClick={() => void save(edited.picked, 'picked')}
-          >
-            Picked (PLY)
-          </button>
-        )}
-        {(numHidden > 0 || crop) && (
-          <button
-            type="button"
-            disabled={waits !== ''}
-            title="Saves the scene without what is hidden or outside the box"
-            onClick={() => void save(edits.kept(), 'kept')}
-          >
-            {crop ? 'Inside (PLY)' : 'Without hidden (PLY)'}
-          </button>
-        )}
         {numHidden > 0 && (
           <button type="button" onClick={() => edits.showHidden()}>
             Show hidden

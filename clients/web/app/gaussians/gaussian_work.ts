@@ -32,6 +32,8 @@ export class WorkInWorker implements GaussianWork {
 
   end(): void {
     this.worker?.terminate();
+    this.worker = undefined;
+    this.waiting.clear();
   }
 
   private async ask(request: WorkRequest): Promise<WorkAnswer['value']> {

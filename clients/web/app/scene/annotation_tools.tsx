@@ -8,7 +8,7 @@ import { saveBlob } from '../mask/save_files';
 import { useStore } from '../store';
 import type { SceneEverything } from './everything';
 import type { SceneLabels } from './labels';
-import type { RunningExport } from './running_export';
+import type { RunningTask } from './running_task';
 import type { Level } from './segments';
 import { levelNames } from './segments';
 
@@ -57,7 +57,7 @@ export interface AnnotationProps {
   everything: SceneEverything;
 }
 
-type Props = AnnotationProps & { running: RunningExport };
+type Props = AnnotationProps & { running: RunningTask };
 
 export function AnnotationTools(props: Props): JSX.Element {
   const { sceneId, model, labels, everything, running } = props;

@@ -1,34 +1,22 @@
 // Downloads: annotations, Gaussians, meshes, and masks of the segment.
 import type { JSX } from 'preact';
 import { useEffect, useMemo } from 'preact/hooks';
-import { GaussianFormat } from '../../gen/pepeseg/v1/render_service_pb';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
-import type { PlyOptions } from '../api/clients';
-import { plyUrl } from '../api/clients';
-import { fetchFile } from '../api/fetch_file';
 import { FailureNote } from '../components/failure_note';
-import { saveBlob, saveCoco, saveMasks } from '../mask/save_files';
+import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import { saveCoco, saveMasks } from '../mask/save_files';
 import { useStore } from '../store';
 import { AnnotationTools } from './annotation_tools';
 import type { SceneEverything } from './everything';
-import { ExportProgress } from './export_progress';
+import { GaussianFiles } from './gaussian_files';
 import type { SceneLabels } from './labels';
-import { MeshTools } from './mesh_tools';
 import { sizeOf } from './prompt';
-import type { Watch } from './running_export';
-import { RunningExport } from './running_export';
+import type { Watch } from './running_task';
+import { RunningTask } from './running_task';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import { TaskProgress } from './task_progress';
 import { masksOfThings, thingOf } from './things';
-
-/** The files of Gaussians on offer. */
-const gaussianFiles = [
-  { word: 'PLY', ending: 'ply', format: GaussianFormat.PLY },
-  { word: 'SPZ', ending: 'spz', format: GaussianFormat.SPZ },
-  { word: 'glTF', ending: 'glb', format: GaussianFormat.GLB },
-  { word: 'SOG', ending: 'sog', format: GaussianFormat.SOG },
-  { word: 'web page', ending: 'html', format: GaussianFormat.HTML },
-];
 
 interface Props {
   sceneId: string;
@@ -36,11 +24,12 @@ interface Props {
   selections: SceneSelections;
   labels: SceneLabels;
   everything: SceneEverything;
+  edits: GaussianEdits;
   views: readonly View[];
 }
 
 /** Masks of the current segment in all views. */
-function SegmentFiles(props: Props & { running: RunningExport }): JSX.Element {
+function SegmentFiles(props: Props & { running: RunningTask }): JSX.Element {
   const { sceneId, session, labels, views, running } = props;
   const state = useStore(session.state);
   const named = useStore(labels.list);
@@ -76,48 +65,18 @@ function SegmentFiles(props: Props & { running: RunningExport }): JSX.Element {
 }
 
 export function DownloadTools(props: Props): JSX.Element {
-  const { sceneId, session, selections } = props;
-  const { selection } = useStore(selections.state);
-  const running = useMemo(() => new RunningExport(), [session]);
+  const { session } = props;
+  const running = useMemo(() => new RunningTask(), [session]);
   useEffect(() => () => running.cancel(), [running]);
-  const { step, failure } = useStore(running.state);
-  const savePly = (name: string, part: PlyOptions) =>
-    running.run(async (steps) => {
-      const url = plyUrl(session.model, part);
-      saveBlob(await fetchFile(url, steps('Downloading', 'bytes')), name);
-    });
-  const gaussianButtons = (title: string, stem: string, part?: PlyOptions) =>
-    gaussianFiles.map(({ word, ending, format }) => (
-      <button
-        key={`${title} ${word}`}
-        type="button"
-        disabled={step !== undefined}
-        onClick={() => void savePly(`${stem}.${ending}`, { ...part, format })}
-      >
-        {`${title} (${word})`}
-      </button>
-    ));
+  const { failure } = useStore(running.state);
   return (
     <section aria-labelledby="download-title">
       <h2 id="download-title">Download</h2>
-      <ExportProgress running={running} />
+      <TaskProgress running={running} />
       <FailureNote failure={failure} close={() => running.closeFailure()} />
       <AnnotationTools {...props} model={session.model} running={running} />
       <SegmentFiles {...props} running={running} />
-      <fieldset>
-        <legend>Gaussians</legend>
-        <div class="downloads">
-          {gaussianButtons('Scene', sceneId)}
-          {selection &&
-            gaussianButtons('Selection', `${sceneId}-selection`, { selection: selection.name })}
-        </div>
-      </fieldset>
-      <MeshTools
-        sceneId={sceneId}
-        model={session.model}
-        selection={selection?.name}
-        running={running}
-      />
+      <GaussianFiles {...props} model={session.model} running={running} />
     </section>
   );
 }

@@ -91,6 +91,12 @@ export class SceneEverything {
     if (isOn) void this.look();
   }
 
+  /** Called when the model is no longer shown. */
+  end(): void {
+    this.turn(false);
+    this.kept.clear();
+  }
+
   choose(level: Level): void {
     this.state.patch({ level });
     if (this.state.get().isOn) void this.look();

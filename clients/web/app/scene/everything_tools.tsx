@@ -9,13 +9,13 @@ import { countText } from '../format';
 import { saveBlob } from '../mask/save_files';
 import { useStore } from '../store';
 import type { SceneEverything } from './everything';
-import { ExportProgress } from './export_progress';
-import { RunningExport } from './running_export';
+import { RunningTask } from './running_task';
 import type { SegmentNames } from './segment_names';
 import type { Level, SegmentId } from './segments';
 import { levelNames, sameSegment, seenSegments, segmentColor, segmentName } from './segments';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import { TaskProgress } from './task_progress';
 
 interface Props {
   sceneId: string;
@@ -74,7 +74,7 @@ function Picked(props: PickedProps): JSX.Element {
   const { sceneId, session, selections, everything, segment, name } = props;
   const { prompt } = useStore(session.state);
   const { busy } = useStore(selections.state);
-  const running = useMemo(() => new RunningExport(), [session]);
+  const running = useMemo(() => new RunningTask(), [session]);
   useEffect(() => () => running.cancel(), [running]);
   const { step, failure } = useStore(running.state);
   const hide = async () => {
@@ -103,7 +103,7 @@ function Picked(props: PickedProps): JSX.Element {
           Export (PLY)
         </button>
       </div>
-      <ExportProgress running={running} />
+      <TaskProgress running={running} />
       <FailureNote failure={failure} close={() => running.closeFailure()} />
     </>
   );

@@ -8,6 +8,9 @@ import { ConfirmButton } from '../components/confirm_button';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
 import { countText } from '../format';
+import type { GaussianEdits } from '../gaussians/gaussian_edits';
+import { StoredPickList } from '../gaussians/stored_pick_tools';
+import type { StoredPicks } from '../gaussians/stored_picks';
 import { useStore } from '../store';
 import { numViewsOf, viewsText } from './describe_answer';
 import { colorOf } from './found_things';
@@ -35,6 +38,8 @@ interface Props {
   selections: SceneSelections;
   things: ThingMasks;
   thingsIn3d: ThingsIn3d;
+  edits: GaussianEdits;
+  storedPicks: StoredPicks;
   shownView: string;
 }
 
@@ -220,6 +225,7 @@ export function LabelTools(props: Props): JSX.Element {
           ))}
         </ul>
       )}
+      <StoredPickList {...props} />
     </section>
   );
 }

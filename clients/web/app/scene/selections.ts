@@ -33,7 +33,8 @@ export const operations = {
   intersect: SetOperation.INTERSECT,
 } as const;
 
-function sourceOf(prompt: Prompt): MessageInitShape<typeof CreateSelectionRequestSchema>['source'] {
+/** Returns what a selection of the prompt is made from. */
+export function sourceOf(prompt: Prompt): MessageInitShape<typeof CreateSelectionRequestSchema>['source'] {
   const segment = prompt.kind === 'mask' ? prompt.segment : undefined;
   // The scales are left out: they are the default ones.
   if (segment) return { case: 'segment', value: { ...segment } };

@@ -8,7 +8,7 @@ export type Shortcuts = Readonly<Record<string, () => void>>;
 function isTaken({ key, isComposing, target }: KeyboardEvent): boolean {
   const focused = target as HTMLElement;
   if (isComposing || focused.closest('dialog')) return true;
-  return key !== 'Escape' && focused.closest('input[type=text], textarea, select') !== null;
+  return key !== 'Escape' && focused.closest('input[type=text], input[type=number], textarea, select') !== null;
 }
 
 /** Shortcuts of the whole screen. While somebody types, only Esc is one. */
@@ -53,6 +53,8 @@ const list: readonly (readonly [string, string])[] = [
   ['M', '3D: the photographs’ cameras, on or off; a click on one goes to its view'],
   ['C', '3D: crop box, on or off'],
   ['Delete', 'Hide the picked Gaussians'],
+  ['G, R, S while something is moved', 'The handles in 3D move, rotate, scale it'],
+  ['Enter, Esc while something is moved', 'Make the move, with the 3D view in focus; drop it'],
   ['P', 'Fold or open the side panel'],
   ['[ and ]', 'View before, next view'],
   ['U', 'Preview of a click under the pointer, on or off'],

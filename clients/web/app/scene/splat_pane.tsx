@@ -1,58 +1,39 @@
 // The 3D view of a scene: dragging turns it, a click segments, a double click sets what it turns about.
 import type { JSX } from 'preact';
-import { useEffect, useMemo, useRef, useState } from 'preact/hooks';
-import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { useEffect, useRef, useState } from 'preact/hooks';
 import { Icon } from '../components/icons';
 import { MissNote } from '../components/miss_note';
-import type { GaussianEdits } from '../gaussians/gaussian_edits';
-import { unseenOf } from '../gaussians/gaussian_edits';
 import { OutlineMark, PickBar } from '../gaussians/pick_bar';
 import type { Picking } from '../gaussians/use_picking';
 import { useCropping } from '../gaussians/use_cropping';
 import { usePicking } from '../gaussians/use_picking';
 import { paintMask } from '../mask/paint';
-import { queryValue, setQueryValue } from '../router';
 import { useStore } from '../store';
-import { placeText, readPlace } from '../viewer/camera_text';
-import type { SplatViewer } from '../viewer/splat_viewer';
 import type { Mask } from './answer';
 import type { Miss } from './miss';
 import type { FreeCamera, Point, Prompt } from './prompt';
-import type { Showing } from './selections';
 import { useShortcuts } from './shortcuts';
-import type { TintedThings } from './splat_parts';
-import { splatParts } from './splat_parts';
 import type { Cameras } from './use_cameras';
 import { CameraNote, useCameras } from './use_cameras';
 import type { Tool } from './use_drawing';
+import type { Viewed } from './use_viewer';
+import { useViewer } from './use_viewer';
 
-interface Props {
-  model: string;
-  views: readonly View[];
-  /** Camera to look from; the view moves there when it changes. */
-  view: View;
+interface Props extends Viewed {
   mask: Mask | undefined;
   prompt: Prompt | undefined;
   /** Position of a click that hit nothing, here or in a view. */
   miss: Miss | undefined;
   tool: Tool;
-  selection: string | undefined;
-  showing: Showing;
-  /** Named things in their colours, while no selection is shown. */
-  things: TintedThings | undefined;
-  edits: GaussianEdits;
-  picking: Picking;
   onPicking: (picking: Picking) => void;
   cameras: Cameras;
   onPoint: (camera: FreeCamera, point: Point) => void;
+  /** Makes the move that is drafted. */
+  onApply: () => void;
   /** Takes back the prompt of the last click, which was the first one of a double click. */
   onTakeBack: () => void;
 }
 
-/** Name of the camera's place in the URL's query. */
-const placeName = 'at';
-/** How long the camera rests before its place is in the URL, milliseconds. */
-const restTime = 300;
 /** Maximum time between the clicks of a double click, milliseconds. */
 const doubleTime = 350;
 /** Maximum distance between the clicks of a double click, pixels of the screen. */
@@ -67,98 +48,16 @@ const turns: Record<string, readonly [number, number, number]> = {
   '-': [0, 0, 1.1],
 };
 
-type Status = 'loading' | 'ready' | { error: string };
-
 const turnLabel =
   '3D view. Arrow keys turn it, plus and minus come closer and go away, Enter segments what is in its middle.';
 const pickLabel =
   '3D view. Arrow keys turn it, plus and minus come closer and go away, Enter picks the Gaussians in its middle; with Shift it adds them, with Alt it takes them away.';
-
-/** Returns how the Gaussians are drawn; undefined: as they are. */
-function useMarks(edits: GaussianEdits) {
-  const { gaussians, edits: edited } = useStore(edits.state);
-  return useMemo(() => {
-    if (!gaussians) return undefined;
-    return { centers: gaussians.centers, picked: edited.picked, hidden: unseenOf(edited, gaussians) };
-  }, [gaussians, edited]);
-}
-
-function useViewer(props: Props, onMoved: () => void) {
-  const { model, views, view, selection, showing, things, edits, picking } = props;
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const viewer = useRef<SplatViewer | undefined>(undefined);
-  const [status, setStatus] = useState<Status>('loading');
-  const [made, setMade] = useState(0);
-  const [shown, setShown] = useState<Showing>();
-  const resting = useRef(0);
-  const moved = useRef(onMoved);
-  moved.current = () => {
-    onMoved();
-    clearTimeout(resting.current);
-    resting.current = window.setTimeout(() => {
-      const place = viewer.current?.place();
-      setQueryValue(placeName, place && placeText(place));
-    }, restTime);
-  };
-  useEffect(() => {
-    let gone = false;
-    // three.js and Spark are most of the app's bytes: they are loaded when they are needed.
-    import('../viewer/splat_viewer').then(
-      (module) => {
-        if (gone || !canvas.current) return;
-        try {
-          viewer.current = new module.SplatViewer(canvas.current, views, () => moved.current());
-          setMade((n) => n + 1);
-        } catch {
-          setStatus({
-            error: 'This browser shows no 3D (WebGL 2). Segmenting photographs works all the same.',
-          });
-        }
-      },
-      () => setStatus({ error: 'The 3D view could not be loaded: reload the page.' }),
-    );
-    return () => {
-      gone = true;
-      clearTimeout(resting.current);
-      viewer.current?.end();
-      viewer.current = undefined;
-    };
-  }, [views]);
-  useEffect(() => {
-    if (!viewer.current) return;
-    // An earlier request may still end, and after this one.
-    let outdated = false;
-    setStatus('loading');
-    viewer.current.load(splatParts(model, selection, showing, things)).then(
-      () => {
-        if (outdated) return;
-        setStatus('ready');
-        setShown(showing);
-      },
-      (error: Error) => {
-        if (!outdated && error.name !== 'AbortError') setStatus({ error: error.message });
-      },
-    );
-    return () => {
-      outdated = true;
-    };
-  }, [made, model, selection, showing, things]);
-  useEffect(() => viewer.current?.goTo(view), [made, view]);
-  // After the view's camera: the place that the address says.
-  useEffect(() => {
-    const place = readPlace(queryValue(placeName));
-    if (place) viewer.current?.putAt(place);
-  }, [made]);
-  const marks = useMarks(edits);
-  useEffect(() => viewer.current?.mark(marks), [made, marks]);
-  const { crop } = useStore(edits.state).edits;
-  useEffect(() => viewer.current?.showCrop(crop), [made, crop]);
-  useEffect(() => viewer.current?.letTurn(picking.drag === 'turn'), [made, picking.drag]);
-  return { canvas, viewer, status, shown, made };
-}
+const moveLabel =
+  '3D view. Arrow keys turn it, plus and minus come closer and go away, Enter makes the move. The numbers of the move are in the side panel.';
 
 export function SplatPane(props: Props): JSX.Element {
-  const { view, views, mask, prompt, miss, tool, edits, picking, onPicking, onPoint, onTakeBack } = props;
+  const { view, views, mask, prompt, miss, tool, edits, drafting, picking, onPicking } = props;
+  const { onPoint, onTakeBack } = props;
   const overlay = useRef<HTMLCanvasElement>(null);
   const asked = useRef<FreeCamera | undefined>(undefined);
   const pressed = useRef<{ x: number; y: number } | undefined>(undefined);
@@ -197,8 +96,11 @@ export function SplatPane(props: Props): JSX.Element {
     setStale(false);
     onPoint(at, { x: x * at.width, y: y * at.height, negative: negative || tool === 'exclude' });
   };
+  /** While something is moved, a drag is for its handles, or turns the view. */
+  const isMoving = useStore(drafting.state)?.kind === 'move';
+  const picks = drawn.draws && !isMoving;
   const press = (event: PointerEvent) => {
-    if (cropping.press(event)) return;
+    if (isMoving || cropping.press(event)) return;
     const { button, clientX: x, clientY: y } = event;
     pressed.current = button === 0 ? { x, y } : undefined;
     drawn.press(event);
@@ -228,6 +130,7 @@ export function SplatPane(props: Props): JSX.Element {
   const key = (event: KeyboardEvent) => {
     const turn = turns[event.key];
     if (turn) viewer.current?.turn(...turn);
+    else if (event.key === 'Enter' && isMoving) props.onApply();
     else if (event.key === 'Enter' && drawn.draws) drawn.pickMiddle(event);
     else if (event.key === 'Enter') ask(0.5, 0.5, event.shiftKey);
     else return;
@@ -246,15 +149,15 @@ export function SplatPane(props: Props): JSX.Element {
     >
       <canvas
         ref={canvas}
-        class={`splats-canvas ${drawn.draws ? 'picking' : ''}`}
+        class={`splats-canvas ${picks ? 'picking' : ''}`}
         tabIndex={0}
         role="application"
-        aria-label={drawn.draws ? pickLabel : turnLabel}
+        aria-label={isMoving ? moveLabel : picks ? pickLabel : turnLabel}
         onPointerDown={press}
         onPointerMove={(event) => {
-          const isDragged = cropping.move(event);
+          const isDragged = !isMoving && cropping.move(event);
           if (!isDragged) drawn.move(event);
-          cameras.move(event, !isDragged && !drawn.draws);
+          cameras.move(event, !isDragged && !drawn.draws && !isMoving);
         }}
         onPointerLeave={cameras.leave}
         onPointerCancel={() => cropping.release() || drawn.drop()}

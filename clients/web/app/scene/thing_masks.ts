@@ -58,7 +58,9 @@ export class ThingMasks {
     void this.look();
   }
 
+  /** Called when the model is no longer shown. */
   end(): void {
+    this.view = '';
     this.looking.abort();
   }
 

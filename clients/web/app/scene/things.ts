@@ -6,7 +6,7 @@ import { acceptedFor } from './accepted_mask';
 import type { Mask } from './answer';
 import { labelName } from './labels';
 import type { Granularity, Prompt } from './prompt';
-import type { Watch } from './running_export';
+import type { Watch } from './running_task';
 import type { SamClicks } from './segment_views';
 import { batchesOf, samBatch, segmentViews } from './segment_views';
 import { serverHasSam } from './server_sam';

@@ -2,8 +2,14 @@
 import type { JSX } from 'preact';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { FailureNote } from '../components/failure_note';
+import type { Drafting } from '../edit/drafting';
+import { EditTools } from '../edit/edit_tools';
+import type { SceneEditor } from '../edit/scene_editor';
+import { VersionTools } from '../edit/version_tools';
+import type { SceneVersions } from '../edit/versions';
 import type { GaussianEdits } from '../gaussians/gaussian_edits';
 import { GaussianTools } from '../gaussians/gaussian_tools';
+import type { StoredPicks } from '../gaussians/stored_picks';
 import { useStore } from '../store';
 import { AfterTraining } from './after_training';
 import type { Brush } from './brush';
@@ -39,6 +45,10 @@ interface Props {
   things: ThingMasks;
   thingsIn3d: ThingsIn3d;
   edits: GaussianEdits;
+  drafting: Drafting;
+  storedPicks: StoredPicks;
+  editor: SceneEditor;
+  versions: SceneVersions;
   views: readonly View[];
   /** The shown view. */
   view: View;
@@ -55,6 +65,8 @@ interface Props {
   isTraining: boolean;
   isOpen: boolean;
   photoOf: (view: View) => string;
+  /** Shows the 3D view. */
+  onShow3d: () => void;
   onHelp: () => void;
 }
 
@@ -102,11 +114,13 @@ export function ToolPanel(props: Props): JSX.Element {
           <AfterTraining />
         ) : (
           <>
+            <EditTools {...props} />
             <EverythingTools {...props} onTurn={props.onEverything} />
             <FindTools {...props} />
             <LabelTools {...props} shownView={view.view} />
             <SelectionTools session={session} selections={selections} />
             <GaussianTools {...props} />
+            <VersionTools {...props} model={session.model} history={session.history} />
             <DownloadTools {...props} />
           </>
         )}

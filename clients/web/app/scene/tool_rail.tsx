@@ -2,6 +2,8 @@
 import type { JSX } from 'preact';
 import { FailureNote } from '../components/failure_note';
 import { Icon } from '../components/icons';
+import type { Drafting } from '../edit/drafting';
+import type { SceneEditor } from '../edit/scene_editor';
 import type { GaussianEdits } from '../gaussians/gaussian_edits';
 import { waitText } from '../gaussians/gaussian_tools';
 import { useStore } from '../store';
@@ -12,6 +14,7 @@ import { describeFound } from './found_things';
 import { HistoryNote, PromptButtons, promptTools } from './segment_tools';
 import type { SceneSelections } from './selections';
 import type { SceneSession } from './session';
+import { TaskProgress } from './task_progress';
 import type { ThingsIn3d } from './things_in_3d';
 import type { Tool } from './use_drawing';
 
@@ -89,6 +92,8 @@ interface StatusProps {
   everything: SceneEverything;
   thingsIn3d: ThingsIn3d;
   edits: GaussianEdits;
+  editor: SceneEditor;
+  drafting: Drafting;
   /** Name of the shown view. */
   shown: string;
 }
@@ -96,6 +101,9 @@ interface StatusProps {
 /** States and failures of all sections, over the panes while the panel is folded. */
 export function FoldedStatus(props: StatusProps): JSX.Element {
   const { session, finder, selections, everything, thingsIn3d, edits, shown } = props;
+  const { task } = props.editor;
+  const draft = useStore(props.drafting.state);
+  const { step, failure: unedited } = useStore(task.state);
   const state = useStore(session.state);
   const finding = useStore(finder.state);
   const selecting = useStore(selections.state);
@@ -110,6 +118,7 @@ export function FoldedStatus(props: StatusProps): JSX.Element {
     colouring.busy && 'Selecting the things …',
     selecting.busy && 'Selecting: looking at the views …',
     waitText(picking),
+    draft?.kind === 'move' && 'Enter makes the move, Esc drops it.',
   ].filter(Boolean);
   return (
     <div class="folded-status">
@@ -119,6 +128,12 @@ export function FoldedStatus(props: StatusProps): JSX.Element {
       <FailureNote failure={selecting.failure} close={() => selections.closeFailure()} />
       <FailureNote failure={splitting.failure} close={() => everything.closeFailure()} />
       <FailureNote failure={picking.failure} close={() => edits.closeFailure()} />
+      <FailureNote failure={unedited} close={() => task.closeFailure()} />
+      {step && (
+        <div class="note">
+          <TaskProgress running={task} />
+        </div>
+      )}
       <p role="status" class={texts.length > 0 ? 'pane-note' : ''}>
         {texts.join(' ')}
       </p>

@@ -1,8 +1,12 @@
 // Everything that the screen of a scene works with: the state of each of its sections.
 import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
+import { Drafting } from '../edit/drafting';
+import { SceneEditor } from '../edit/scene_editor';
+import { SceneVersions } from '../edit/versions';
 import { steadily } from '../api/server_link';
 import { GaussianEdits } from '../gaussians/gaussian_edits';
+import { StoredPicks } from '../gaussians/stored_picks';
 import { History } from '../history';
 import { useStore } from '../store';
 import { SceneEverything } from './everything';
@@ -14,55 +18,103 @@ import type { Prompt } from './prompt';
 import { SceneSelections } from './selections';
 import { SceneSession } from './session';
 import type { Subject } from './subject';
+import { isJob } from './subject';
 import type { TintedThings } from './splat_parts';
 import { ThingMasks } from './thing_masks';
 import { ThingsIn3d } from './things_in_3d';
 
-export function useModel({ scene, model }: Subject, views: readonly View[]) {
-  const parts = useMemo(() => {
-    const history = new History();
-    const selections = new SceneSelections(model, history);
-    const labels = new SceneLabels(scene, history);
-    return {
+/** What all models of a scene share. */
+function sharedOf(scene: string, show: (model: string) => void) {
+  const history = new History();
+  const versions = new SceneVersions(scene);
+  return {
+    history,
+    versions,
+    labels: new SceneLabels(scene, history),
+    editor: new SceneEditor(history, { show, changed: () => void versions.load() }),
+  };
+}
+
+type Shared = ReturnType<typeof sharedOf>;
+
+function partsOf(subject: Subject, views: readonly View[], { history, labels, editor }: Shared) {
+  const { model } = subject;
+  const selections = new SceneSelections(model, history);
+  const edits = new GaussianEdits(model, history, editor.takePicks(model));
+  return {
+    session: new SceneSession(
+      model,
+      views.map(({ view }) => view),
       history,
-      session: new SceneSession(
-        model,
-        views.map(({ view }) => view),
-        history,
-      ),
-      selections,
-      labels,
-      things: new ThingMasks(model, labels),
-      thingsIn3d: new ThingsIn3d(model, labels),
-      finder: new SceneFinder(model),
-      everything: new SceneEverything(model, selections),
-      edits: new GaussianEdits(model, history),
-    };
-  }, [model, views]);
+    ),
+    selections,
+    things: new ThingMasks(model, labels),
+    thingsIn3d: new ThingsIn3d(model, labels),
+    finder: new SceneFinder(model),
+    everything: new SceneEverything(model, selections),
+    edits,
+    drafting: new Drafting(edits),
+    storedPicks: new StoredPicks(subject, edits, history),
+  };
+}
+
+type Parts = ReturnType<typeof partsOf>;
+
+/**
+ * Returns the state of a model, and what it shares with the other models of the scene. A model that is shown again
+ * has the state with which it was left, to which the history leads. `onModel`: shows another model of the scene.
+ */
+export function useModel(
+  subject: Subject,
+  views: readonly View[],
+  onModel: (model: string) => void,
+): Parts & Shared {
+  const { scene, model } = subject;
+  const newest = useRef(onModel);
+  newest.current = onModel;
+  // A job that has made its model is another beginning: its clicks cannot be asked again.
+  const isTraining = isJob(model);
+  const { shared, left } = useMemo(() => {
+    const show = (to: string) => newest.current(to);
+    return { shared: sharedOf(scene, show), left: new Map<string, Parts>() };
+  }, [scene, isTraining]);
+  const parts = useMemo(() => {
+    const made = left.get(model) ?? partsOf(subject, views, shared);
+    left.set(model, made);
+    return made;
+  }, [left, model, views]);
   useEffect(() => {
     const controller = new AbortController();
     const { signal } = controller;
-    // Everything else works without labels; a fault of the server shows at the next request.
-    steadily(() => parts.labels.load(signal), signal).catch(() => undefined);
+    // Everything else works without labels and stored picks; a fault of the server shows at the next request.
+    steadily(() => shared.labels.load(signal), signal).catch(() => undefined);
+    if (!isTraining) {
+      steadily(() => parts.storedPicks.load(signal), signal).catch(() => undefined);
+      void shared.versions.load(signal);
+      parts.edits.begin();
+    }
     return () => {
       controller.abort();
       parts.session.end();
       parts.finder.clear();
-      parts.everything.turn(false);
+      parts.everything.end();
       parts.things.end();
       parts.thingsIn3d.turn(false);
+      parts.drafting.end();
       parts.edits.end();
     };
   }, [parts]);
-  return parts;
+  useEffect(() => () => shared.editor.task.cancel(), [shared]);
+  return useMemo(() => ({ ...shared, ...parts }), [shared, parts]);
 }
 
-/** Asks a new model what the model before it was asked. Its scales are its own: the size is not kept. */
+/** Asks the model of a job what the job was asked. Its scales are its own: the size is not kept. */
 export function useKeptPrompt(session: SceneSession): void {
   const before = useRef(session);
   useEffect(() => {
-    const { prompt } = before.current.state.get();
-    if (before.current !== session && prompt) session.pose(prompt);
+    const { model, state } = before.current;
+    const { prompt } = state.get();
+    if (before.current !== session && isJob(model) && prompt) session.pose(prompt);
     before.current = session;
   }, [session]);
 }

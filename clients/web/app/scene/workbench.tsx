@@ -4,6 +4,8 @@ import { useEffect, useRef, useState } from 'preact/hooks';
 import type { View } from '../../gen/pepeseg/v1/scene_service_pb';
 import { photoUrl, pictureUrl, sceneIdOf } from '../api/clients';
 import { useAsked } from '../api/use_asked';
+import { Advice } from '../components/advice';
+import { applyDraft } from '../edit/draft_tools';
 import type { DragTool, Picking } from '../gaussians/use_picking';
 import { dragTools } from '../gaussians/use_picking';
 import { useStore } from '../store';
@@ -16,7 +18,6 @@ import type { Layout } from './layout';
 import { panesOn } from './layout';
 import { useLinkedText, useLinkedWord } from './link_state';
 import { drawWith } from './mask_tools';
-import type { Source } from './photo_view';
 import { PhotoView } from './photo_view';
 import type { FreeCamera, Point, Prompt } from './prompt';
 import { placeOf, samePlace, sizeOf } from './prompt';
@@ -32,12 +33,17 @@ import { ToolPanel } from './tool_panel';
 import { FoldedStatus } from './tool_rail';
 import { isWide, tools } from './use_drawing';
 import { useFound, useKeptPrompt, useModel, useThings, useTintedThings } from './use_model';
+import { useSource } from './use_source';
 
 interface Props {
   subject: Subject;
   views: readonly View[];
   layout: Layout;
+  /** Shows another model of the scene. */
+  onModel: (model: string) => void;
 }
+
+const editedAdvice = 'Photographs do not show this edit, so these are renderings.';
 
 /** Returns true from the first time on that a condition holds. */
 function useOnce(holds: boolean): boolean {
@@ -46,16 +52,17 @@ function useOnce(holds: boolean): boolean {
   return held.current;
 }
 
-export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
+export function SceneWorkbench({ subject, views, layout, onModel }: Props): JSX.Element {
   const isTraining = isJob(subject.model);
-  const model = useModel(subject, views);
+  const model = useModel(subject, views, onModel);
   const { session, selections, labels, finder, everything, things, thingsIn3d, edits, history } = model;
+  const { drafting, versions } = model;
   const [viewName, setViewName] = useLinkedText('view');
   const view = views.find((other) => other.view === viewName) ?? views[0];
   const setView = (to: View) => setViewName(to.view);
   const [tool, setTool] = useLinkedWord('tool', tools);
   const [brush, setBrush] = useState(firstBrush);
-  const [source, setSource] = useState<Source>('photo');
+  const { source, setSource, ...pictures } = useSource(subject, versions);
   const [drag, setDrag] = useLinkedWord('drag', dragTools);
   const [frontOnly, setFrontOnly] = useState(false);
   const picking = { drag, frontOnly };
@@ -79,11 +86,11 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     if (hasSam.value) session.setSamClicks('auto');
   }, [session, hasSam.value]);
   const renderingOf = (of: View) => pictureUrl(session.model, of.view);
-  const thumbnailOf = (of: View) =>
-    photoUrl(subject.photos, { name: of.view, maxSide: thumbnailSide });
+  const thumbnailOf = (of: View) => pictures.thumbnailOf(of.view, thumbnailSide);
   const state = useStore(session.state);
   const { prompt, answer, ladder, miss, numAnswers } = state;
   const { selection, showing } = useStore(selections.state);
+  const draft = useStore(drafting.state);
   const shown = view?.view ?? '';
   useEffect(() => {
     session.show(shown);
@@ -126,9 +133,12 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     // A click that hit nothing took itself back.
     if (now && now === promptIn3d.current) void history.undo();
   };
+  const show3d = () => {
+    if (panes === 'photo') layout.show(narrow ? '3d' : 'both');
+  };
   /** Chooses what a drag in 3D does, which is shown; a second time it turns the view again. */
   const dragIn3d = (drag: DragTool) => {
-    if (panes === 'photo') layout.show(narrow ? '3d' : 'both');
+    show3d();
     setPicking({ ...picking, drag: picking.drag === drag ? 'turn' : drag });
   };
   const otherSide = () => {
@@ -165,6 +175,12 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     m: () => setCameras(cameras === 'on' ? 'off' : 'on'),
     Delete: () => edits.hidePicked(),
   };
+  /** While something is moved: as in other 3D programs. */
+  const ofMoves: Shortcuts = {
+    g: () => drafting.setMode('translate'),
+    r: () => drafting.setMode('rotate'),
+    s: () => drafting.setMode('scale'),
+  };
   useShortcuts({
     ...(!isTraining && ofModels),
     '?': () => setHelp(true),
@@ -172,6 +188,7 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     'Ctrl+Z': () => void history.redo(),
     'Ctrl+y': () => void history.redo(),
     Escape: () => {
+      if (draft) return drafting.end();
       if (picking.drag !== 'turn') return setPicking({ ...picking, drag: 'turn' });
       if (!session.state.get().prompt) everything.turn(false);
       session.clear();
@@ -193,6 +210,7 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
     '<': () => isWide(tool) && setBrush(withWidth(brush, brush.width - 2)),
     u: () => session.hover.turn(!session.hover.state.get().isOn),
     v: () => setSource(source === 'photo' ? 'rendering' : 'photo'),
+    ...(draft?.kind === 'move' && ofMoves),
   });
   if (!view) return <p class="loading">The model has no views.</p>;
 
@@ -200,95 +218,102 @@ export function SceneWorkbench({ subject, views, layout }: Props): JSX.Element {
   const place = { view: shown };
   const here = samePlace(placeOf(prompt), place) ? prompt : undefined;
   return (
-    <div
-      class={`workbench ${isPanelOpen ? '' : 'folded'}`}
-      style={{ '--ratio': `${width / height}` }}
-    >
-      <div class="panes">
-        <div class="pane-grid">
-          <div class="pane" hidden={panes === '3d'}>
-            <PhotoView
-              view={view}
-              photoAt={(maxSide) => photoUrl(subject.photos, { name: shown, maxSide })}
-              rendering={renderingOf(view)}
-              source={source}
-              onSource={setSource}
-              mask={answer?.masks.get(shown)}
-              color={color}
-              found={found.masks}
-              things={shownThings}
-              prompt={here}
-              miss={samePlace(miss?.place, place) ? miss : undefined}
-              tool={tool}
-              brush={brush}
-              hover={session.hover}
-              everything={everything}
-              segmentNames={segmentNames}
-              numAnswers={numAnswers}
-              onPoint={(point) =>
-                everything.state.get().isOn
-                  ? pick(everything.promptAt(point.x, point.y))
-                  : session.addPoint(place, point)
-              }
-              onBox={(box) => session.pose({ kind: 'box', place, box })}
-              onStroke={(stroke) => drawWith(tool, session, shown, sizeOf(view), stroke)}
-            />
-          </div>
-          <div class="pane" hidden={panes === 'photo'}>
-            {is3dMade && (
-              <SplatPane
-                model={session.model}
-                views={views}
+    <>
+      {pictures.isEdited && <Advice about={`${subject.scene}/edits`} text={editedAdvice} />}
+      <div
+        class={`workbench ${isPanelOpen ? '' : 'folded'} ${draft ? 'drafting' : ''}`}
+        data-model={subject.model}
+        style={{ '--ratio': `${width / height}` }}
+      >
+        <div class="panes">
+          <div class="pane-grid">
+            <div class="pane" hidden={panes === '3d'}>
+              <PhotoView
                 view={view}
-                mask={answer?.masks.get('')}
-                prompt={prompt}
-                miss={miss}
+                photoAt={(maxSide) => photoUrl(subject.photos, { name: shown, maxSide })}
+                rendering={renderingOf(view)}
+                source={source}
+                onSource={setSource}
+                mask={answer?.masks.get(shown)}
+                color={color}
+                found={found.masks}
+                things={shownThings}
+                prompt={here}
+                miss={samePlace(miss?.place, place) ? miss : undefined}
                 tool={tool}
-                selection={selection?.name}
-                showing={showing}
-                things={tintedThings}
-                edits={edits}
-                picking={picking}
-                onPicking={setPicking}
-                cameras={{
-                  areShown: cameras === 'on',
-                  onShow: (areShown) => setCameras(areShown ? 'on' : 'off'),
-                  onView: setView,
-                  photoOf: thumbnailOf,
-                }}
-                onPoint={addPointIn3d}
-                onTakeBack={takeBackIn3d}
+                brush={brush}
+                hover={session.hover}
+                everything={everything}
+                segmentNames={segmentNames}
+                numAnswers={numAnswers}
+                onPoint={(point) =>
+                  everything.state.get().isOn
+                    ? pick(everything.promptAt(point.x, point.y))
+                    : session.addPoint(place, point)
+                }
+                onBox={(box) => session.pose({ kind: 'box', place, box })}
+                onStroke={(stroke) => drawWith(tool, session, shown, sizeOf(view), stroke)}
               />
-            )}
+            </div>
+            <div class="pane" hidden={panes === 'photo'}>
+              {is3dMade && (
+                <SplatPane
+                  model={session.model}
+                  views={views}
+                  view={view}
+                  mask={answer?.masks.get('')}
+                  prompt={prompt}
+                  miss={miss}
+                  tool={tool}
+                  selection={selection?.name}
+                  showing={showing}
+                  things={tintedThings}
+                  edits={edits}
+                  drafting={drafting}
+                  picking={picking}
+                  onPicking={setPicking}
+                  cameras={{
+                    areShown: cameras === 'on',
+                    onShow: (areShown) => setCameras(areShown ? 'on' : 'off'),
+                    onView: setView,
+                    photoOf: thumbnailOf,
+                  }}
+                  onPoint={addPointIn3d}
+                  onApply={() => void applyDraft(model)}
+                  onTakeBack={takeBackIn3d}
+                />
+              )}
+            </div>
           </div>
+          {!isPanelOpen && <FoldedStatus {...model} shown={shown} />}
         </div>
-        {!isPanelOpen && <FoldedStatus {...model} shown={shown} />}
+        <Filmstrip
+          views={views}
+          current={shown}
+          masks={answer?.masks}
+          color={color}
+          found={found.boxes}
+          photoOf={thumbnailOf}
+          renderingOf={renderingOf}
+          onPick={setView}
+        />
+        <ToolPanel
+          sceneId={sceneIdOf(subject.scene)}
+          isTraining={isTraining}
+          {...model}
+          {...{ views, view, tool, brush, segmentNames }}
+          onTool={setTool}
+          onBrush={setBrush}
+          onEverything={showEverything}
+          onPick={(id) => pick(everything.promptOf(id))}
+          hasSam={hasSam.value === true}
+          isOpen={isPanelOpen}
+          photoOf={thumbnailOf}
+          onShow3d={show3d}
+          onHelp={() => setHelp(true)}
+        />
+        {help && <ShortcutList onClose={() => setHelp(false)} />}
       </div>
-      <Filmstrip
-        views={views}
-        current={shown}
-        masks={answer?.masks}
-        color={color}
-        found={found.boxes}
-        photoOf={thumbnailOf}
-        renderingOf={renderingOf}
-        onPick={setView}
-      />
-      <ToolPanel
-        sceneId={sceneIdOf(subject.scene)}
-        isTraining={isTraining}
-        {...model}
-        {...{ views, view, tool, brush, segmentNames }}
-        onTool={setTool}
-        onBrush={setBrush}
-        onEverything={showEverything}
-        onPick={(id) => pick(everything.promptOf(id))}
-        hasSam={hasSam.value === true}
-        isOpen={isPanelOpen}
-        photoOf={thumbnailOf}
-        onHelp={() => setHelp(true)}
-      />
-      {help && <ShortcutList onClose={() => setHelp(false)} />}
-    </div>
+    </>
   );
 }

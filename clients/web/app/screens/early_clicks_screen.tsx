@@ -4,7 +4,6 @@ import { useEffect, useMemo, useState } from 'preact/hooks';
 import type { Job } from '../../gen/pepeseg/v1/job_service_pb';
 import { JobState } from '../../gen/pepeseg/v1/job_service_pb';
 import { sceneIdOf } from '../api/clients';
-import { useAsked } from '../api/use_asked';
 import { FailureNote } from '../components/failure_note';
 import { Header } from '../components/header';
 import { renamePath } from '../router';
@@ -17,7 +16,7 @@ import { hasEnded } from '../training/job_states';
 import { TrainingBanner } from '../training/training_banner';
 import { TrainingOutcome } from '../training/training_outcome';
 import { useTraining } from '../training/training_watch';
-import { allViews } from './scene_screen';
+import { useModelViews } from './model_views';
 import { useSceneName } from './training_screen';
 
 interface ClicksProps {
@@ -28,12 +27,9 @@ interface ClicksProps {
 }
 
 function Clicks({ job, layout, onShown }: ClicksProps): JSX.Element {
-  const model = job.model || job.name;
-  // The views of the job stay on the screen until those of its model have come.
-  const { value, failure, ask } = useAsked(
-    async (signal) => ({ model, views: await allViews(model, signal) }),
-    [model],
-  );
+  /** Model that was made, or chosen, on this screen. */
+  const [chosen, setChosen] = useState('');
+  const { value, failure, ask } = useModelViews(chosen || job.model || job.name);
   useEffect(() => {
     if (value) onShown(value.model);
   }, [value]);
@@ -46,7 +42,9 @@ function Clicks({ job, layout, onShown }: ClicksProps): JSX.Element {
     );
   }
   const subject = { scene: job.scene, model: value.model, photos: job.dataset };
-  return <SceneWorkbench subject={subject} views={value.views} layout={layout} />;
+  return (
+    <SceneWorkbench subject={subject} views={value.views} layout={layout} onModel={setChosen} />
+  );
 }
 
 export function EarlyClicksScreen({ jobId }: { jobId: string }): JSX.Element {

@@ -1,7 +1,8 @@
 // A scene with a model: its views, its 3D view, and their segmentation.
 import type { JSX } from 'preact';
-import type { Scene, View } from '../../gen/pepeseg/v1/scene_service_pb';
-import { allPages, scenes } from '../api/clients';
+import { useState } from 'preact/hooks';
+import type { Scene } from '../../gen/pepeseg/v1/scene_service_pb';
+import { scenes } from '../api/clients';
 import { useAsked } from '../api/use_asked';
 import { Advice } from '../components/advice';
 import { FailureNote } from '../components/failure_note';
@@ -11,15 +12,8 @@ import { useLayout } from '../scene/layout';
 import { LayoutSwitch } from '../scene/layout_switch';
 import { SceneWorkbench } from '../scene/workbench';
 import { adviceOnModel } from './mask_advice';
+import { useModelViews } from './model_views';
 import { SceneWithoutModel } from './scene_without_model';
-
-/** Returns all views of a model, or of a job that trains. */
-export async function allViews(model: string, signal: AbortSignal): Promise<View[]> {
-  return allPages(async (pageToken) => {
-    const page = await scenes.listViews({ parent: model, pageToken, pageSize: 1000 }, { signal });
-    return { items: page.views, nextPageToken: page.nextPageToken };
-  });
-}
 
 interface WithModelProps {
   scene: Scene;
@@ -27,24 +21,27 @@ interface WithModelProps {
 }
 
 function SceneWithModel({ scene, layout }: WithModelProps): JSX.Element {
-  const views = useAsked((signal) => allViews(scene.liveModel, signal), [scene.liveModel]);
+  /** Model that was made, or chosen, on this screen. */
+  const [chosen, setChosen] = useState('');
+  const { value, failure, ask } = useModelViews(chosen || scene.liveModel);
+  const shown = value?.model ?? '';
   const model = useAsked(
-    (signal) => scenes.getModel({ name: scene.liveModel }, { signal }),
-    [scene.liveModel],
+    async (signal) => (shown ? scenes.getModel({ name: shown }, { signal }) : undefined),
+    [shown],
   );
-  if (views.failure) return <FailureNote failure={views.failure} again={views.ask} />;
-  if (!views.value)
+  if (failure) return <FailureNote failure={failure} again={ask} />;
+  if (!value)
     return (
       <p class="loading" role="status">
         Loading the model …
       </p>
     );
-  const subject = { scene: scene.name, model: scene.liveModel, photos: scene.liveModel };
+  const subject = { scene: scene.name, model: shown, photos: shown };
   const advice = model.value && adviceOnModel(model.value);
   return (
     <>
-      <Advice key={scene.liveModel} about={scene.liveModel} text={advice} />
-      <SceneWorkbench subject={subject} views={views.value} layout={layout} />
+      <Advice key={shown} about={shown} text={advice} />
+      <SceneWorkbench subject={subject} views={value.views} layout={layout} onModel={setChosen} />
     </>
   );
 }

@@ -25,6 +25,7 @@ import { CropHandles } from './crop_handles';
 import { Frustums } from './frustums';
 import type { Marks } from './marked_splats';
 import { MarkedSplats, fetchPly, sampledCenters } from './marked_splats';
+import { MovedThing } from './moved_thing';
 import type { Reach, Sphere } from './reach';
 import { keepWithin, reachOf, sphereOf } from './reach';
 import type { Tint } from './tint';
@@ -50,8 +51,12 @@ export class SplatViewer {
   private readonly controls: OrbitControls;
   private readonly sizes: ResizeObserver;
   private parts: MarkedSplats[] = [];
+  /** Name of the model that the parts are of. */
+  private model = '';
   private marks: Marks | undefined;
   readonly crop = new CropHandles();
+  /** What is moved before the move is made. */
+  readonly moved: MovedThing;
   private readonly frustums: Frustums;
   /** Whether the camera is that of the newest view, as it was put there. */
   private isAtView = false;
@@ -66,18 +71,22 @@ export class SplatViewer {
 
   /**
    * Turns about the point that the views look at, upright as they are; begins at the first view.
-   * `moved` is called when the picture changes. Throws if the browser has no WebGL 2.
+   * `onMoved` is called when the picture changes. Throws if the browser has no WebGL 2.
    */
   constructor(
     private readonly canvas: HTMLCanvasElement,
     views: readonly View[],
-    private readonly moved: () => void,
+    private readonly onMoved: () => void,
   ) {
     this.renderer = new WebGLRenderer({ canvas, antialias: false, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 1.5));
     this.spark = new SparkRenderer({ renderer: this.renderer, onDirty: () => this.draw() });
     this.frustums = new Frustums(views);
-    this.scene.add(this.spark, this.crop, this.frustums);
+    this.moved = new MovedThing(this.camera, canvas, {
+      changed: () => this.draw(),
+      dragged: (isDragged) => (this.controls.enabled = !isDragged),
+    });
+    this.scene.add(this.spark, this.crop, this.frustums, this.moved);
     const poses = views.flatMap((view) => poseOf(view) ?? []);
     this.camera.up.copy(upOf(poses)); // the controls keep what it is when they are made
     this.controls = new OrbitControls(this.camera, canvas);
@@ -92,7 +101,7 @@ export class SplatViewer {
   }
 
   /** Replaces what is drawn when all of the new model is loaded. */
-  async load(parts: readonly SplatPart[]): Promise<void> {
+  async load(model: string, parts: readonly SplatPart[]): Promise<void> {
     this.loading.abort();
     this.loading = new AbortController();
     const { signal } = this.loading;
@@ -108,6 +117,9 @@ export class SplatViewer {
       old.dispose();
     }
     this.parts = loaded;
+    // A move may have begun before its model was loaded the first time.
+    if (this.model !== '' && model !== this.model) this.moved.stop();
+    this.model = model;
     for (const { mesh } of loaded) this.scene.add(mesh);
     this.mark(this.marks);
     const sphere = sphereOf(sampledCenters(loaded));
@@ -118,17 +130,17 @@ export class SplatViewer {
     this.draw();
   }
 
-  /** Draws Gaussians as picked, or not at all; undefined: all as they are. */
+  /** Draws Gaussians as picked, or not at all, once their model is loaded; undefined: all as they are. */
   mark(marks: Marks | undefined): void {
     this.marks = marks;
-    if (marks) for (const part of this.parts) part.mark(marks);
+    if (marks?.model === this.model) for (const part of this.parts) part.mark(marks);
     this.draw();
   }
 
   /** Returns the model's Gaussians that are drawn; nothing before the first marks. */
   drawn(): GaussianSet {
     const set = new Uint8Array(this.marks?.hidden.length ?? 0);
-    if (!this.marks) return set;
+    if (this.marks?.model !== this.model) return set;
     for (const part of this.parts) part.addTo(set, this.marks);
     const { hidden } = this.marks;
     return set.map((isIn, i) => (hidden[i] ? 0 : isIn));
@@ -256,6 +268,7 @@ export class SplatViewer {
     this.sizes.disconnect();
     this.controls.dispose();
     this.crop.dispose();
+    this.moved.stop();
     this.frustums.dispose();
     for (const part of this.parts) part.dispose();
     this.renderer.dispose();
@@ -302,7 +315,7 @@ export class SplatViewer {
     if (this.reach && keepWithin(this.reach, this.camera.position, target)) {
       this.camera.lookAt(target);
     }
-    this.moved();
+    this.onMoved();
     this.draw();
   }
 

@@ -2,43 +2,10 @@
 import { rmSync } from 'node:fs';
 import type { Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
+import type { Spot } from './hands_in_3d';
+import { colorIn3d, dragIn3d, exportedPart } from './hands_in_3d';
 import { noFindings, picturesOf, screenshot } from './on_screen';
 import { numGaussians, saved } from './saved_files';
-
-/** Positions are shares of the 3D view's width and height. */
-type Spot = readonly [number, number];
-
-/** Drags over the 3D view, with a key held. */
-async function dragIn3d(page: Page, path: readonly Spot[], held?: 'Shift' | 'Alt'): Promise<void> {
-  const edges = await page.locator('.splats-canvas').boundingBox();
-  if (!edges) throw new Error('no 3D view');
-  if (held) await page.keyboard.down(held);
-  for (const [i, [x, y]] of path.entries()) {
-    const steps = i === 0 ? 1 : 5;
-    await page.mouse.move(edges.x + x * edges.width, edges.y + y * edges.height, { steps });
-    if (i === 0) await page.mouse.down();
-  }
-  await page.mouse.up();
-  if (held) await page.keyboard.up(held);
-}
-
-/** Returns the colour of the 3D view's picture around a position, each from 0 to 255. */
-async function colorIn3d(page: Page, [x, y]: Spot): Promise<{ r: number; g: number; b: number }> {
-  await page.waitForTimeout(1500); // for Spark to sort
-  return page.locator('.splats-canvas').evaluate(
-    (canvas, at) => {
-      const one = new OffscreenCanvas(1, 1);
-      const context = one.getContext('2d') as OffscreenCanvasRenderingContext2D;
-      const { width, height } = canvas as HTMLCanvasElement;
-      const side = 8;
-      const corner = [at[0] * width - side / 2, at[1] * height - side / 2] as const;
-      context.drawImage(canvas as HTMLCanvasElement, ...corner, side, side, 0, 0, 1, 1);
-      const [r = 0, g = 0, b = 0] = context.getImageData(0, 0, 1, 1).data;
-      return { r, g, b };
-    },
-    [x, y] as const,
-  );
-}
 
 /** Adds the tests. `shared` returns the page, with a scene on it. */
 export function testGaussians(shared: () => { readonly page: Page }): void {
@@ -113,6 +80,7 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     await page.getByRole('button', { name: 'Pick by box' }).click();
     const before = await colorIn3d(page, middle);
     const numPicked = await change(() => dragIn3d(page, aroundMiddle));
+    await exportedPart(page, 'Picked');
     const picked = await saved(page, page.getByRole('button', { name: 'Picked (PLY)' }));
     expect(numGaussians(picked)).toBe(numPicked);
     const corner: Spot = [0.2, 0.5];
@@ -131,7 +99,9 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     await expect.poll(() => count('hidden')).toBe(numPicked);
     expect(await colorIn3d(page, middle)).toEqual(without);
 
+    await exportedPart(page, 'Scene');
     const whole = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
+    await exportedPart(page, 'Without hidden');
     const rest = await saved(page, page.getByRole('button', { name: 'Without hidden (PLY)' }));
     expect(numGaussians(rest)).toBe(numGaussians(whole) - numPicked);
     for (const file of [picked, whole, rest]) rmSync(file);
@@ -155,6 +125,7 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     const inside = page.getByText(/[\d,]+ inside the box/);
     const numInside = async () => Number(/[\d,]+/.exec(await inside.innerText())?.[0].replace(/,/g, ''));
     const first = await numInside();
+    await exportedPart(page, 'Scene');
     const whole = await saved(page, page.getByRole('button', { name: 'Scene (PLY)' }));
     // 90 % along each of three axes.
     expect(first / numGaussians(whole)).toBeGreaterThan(0.7);
@@ -192,6 +163,7 @@ export function testGaussians(shared: () => { readonly page: Page }): void {
     expect(moved, 'one face').toHaveLength(1);
     await expect(page.locator('.mark'), 'a drag is no click').toHaveCount(0);
 
+    await exportedPart(page, 'Inside');
     const kept = await saved(page, page.getByRole('button', { name: 'Inside (PLY)' }));
     expect(numGaussians(kept)).toBe(await numInside());
     for (const file of [whole, kept]) rmSync(file);

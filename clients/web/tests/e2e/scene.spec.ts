@@ -4,6 +4,7 @@ import { join } from 'node:path';
 import { create, fromBinary, toBinary } from '@bufbuild/protobuf';
 import type { BrowserContext, Page } from '@playwright/test';
 import { expect, test } from '@playwright/test';
+import { testEdits } from './edit_tests';
 import { testEverything } from './everything_tests';
 import { testExports } from './export_tests';
 import { testGaussians } from './gaussian_tests';
@@ -308,6 +309,8 @@ testMasks(() => ({ page }));
 testGaussians(() => ({ page }));
 
 testHistory(() => ({ page }));
+
+testEdits(() => ({ page }));
 
 testLinks(() => ({ page }));
 

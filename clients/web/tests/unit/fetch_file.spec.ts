@@ -110,13 +110,13 @@ test('a cancelled download ends the request', async () => {
     response.on('close', () => (closed = true));
     setTimeout(() => controller.abort(), 50);
   });
-  const { RunningExport } = await import('../../app/scene/running_export');
+  const { RunningTask } = await import('../../app/scene/running_task');
   const { file, error } = await fetched(url, controller.signal);
   expect(file).toBeUndefined();
   expect((error as DOMException).name).toBe('AbortError');
   await expect.poll(() => closed).toBe(true);
   // An export that ends so has no failure to show.
-  const running = new RunningExport();
+  const running = new RunningTask();
   await running.run(() => Promise.reject(error));
   expect(running.state.get().failure).toBeUndefined();
 });

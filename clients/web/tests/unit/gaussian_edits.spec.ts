@@ -40,9 +40,9 @@ test.afterEach(() => {
   globalThis.fetch = fetchBefore;
 });
 
-async function newEdits(): Promise<GaussianEdits> {
+async function newEdits(first?: Uint8Array): Promise<GaussianEdits> {
   const module = await import('../../app/gaussians/gaussian_edits');
-  return new module.GaussianEdits('scenes/shelf/models/1', history, work);
+  return new module.GaussianEdits('scenes/shelf/models/1', history, first, work);
 }
 
 async function unseen(edits: GaussianEdits): Promise<number[]> {
@@ -141,6 +141,35 @@ test('floaters are picked, but for those that are hidden, and hidden when the pe
   expect(edits.state.get().numFloaters).toBeUndefined();
   await edits.pickFloaters([]);
   expect(edits.state.get().numFloaters).toBe(0);
+});
+
+test('a model that is shown again has its picks and what is hidden', async () => {
+  const edits = await newEdits();
+  edits.begin();
+  expect(asked, 'nothing was done yet').toEqual([]);
+  await edits.pick(async () => Uint8Array.of(1, 0, 0, 0), 'replace');
+  edits.hidePicked();
+  await edits.pick(async () => Uint8Array.of(0, 1, 0, 0), 'replace');
+  edits.end();
+  expect(edits.state.get().gaussians).toBeUndefined();
+  edits.begin();
+  await edits.load();
+  expect(asked).toHaveLength(2);
+  expect([await unseen(edits), edits.state.get().numPicked]).toEqual([[0], 1]);
+  await history.undo();
+  expect(edits.state.get().numPicked).toBe(0);
+});
+
+test('what an edit changed is picked at first', async () => {
+  const edits = await newEdits(Uint8Array.of(0b1010));
+  edits.begin();
+  await edits.load();
+  expect(indices(edits.state.get().edits.picked)).toEqual([1, 3]);
+  expect(edits.state.get().numPicked).toBe(2);
+  edits.clear();
+  edits.end();
+  await edits.load();
+  expect(edits.state.get().numPicked, 'it is not picked a second time').toBe(0);
 });
 
 test('each change is undone and done again, a drag of the crop box as one', async () => {

@@ -2,7 +2,7 @@
 import { expect, test } from '@playwright/test';
 import { PerspectiveCamera, Matrix4 } from 'three';
 import { centersOf, indicesIn, plyOf, readGaussianPly } from '../../app/gaussians/gaussian_ply';
-import { combined, complementOf, sizeOfSet } from '../../app/gaussians/gaussian_set';
+import { bitsOf, combined, complementOf, setOfBits, sizeOfSet } from '../../app/gaussians/gaussian_set';
 import type { Sight } from '../../app/gaussians/pick';
 import { inChunks } from '../../app/gaussians/in_chunks';
 import { inFrontOf, pickInside } from '../../app/gaussians/pick';
@@ -19,11 +19,16 @@ const three: Gaussian[] = [
 
 for (const isDouble of [false, true]) {
   test(`a PLY with ${isDouble ? 'doubles' : 'floats'} is read`, () => {
-    const { count, centers, sizes, opacities } = readGaussianPly(plyWith(three, isDouble));
+    const { count, centers, sizes, opacities, luminances } = readGaussianPly(plyWith(three, isDouble));
     expect(count).toBe(3);
     expect([...centers]).toEqual([1, 2, 3, 4, 5, 6, 7, 8, 9.5]);
     expect(sizes[0]).toBeCloseTo(0.5, 6);
     expect(opacities[0]).toBeCloseTo(0.25, 6);
+    // Their red grows with their index; above 1 it stays 1.
+    const reds = [0.5, 0.5 + 0.28209479, 1];
+    for (const [i, red] of reds.entries()) {
+      expect(luminances[i]).toBeCloseTo(0.2126 * red + 0.7152 * 0.5 + 0.0722 * 0.5, 6);
+    }
   });
 
   test(`a PLY of some Gaussians has their records, with ${isDouble ? 'doubles' : 'floats'}`, async () => {
@@ -33,7 +38,7 @@ for (const isDouble of [false, true]) {
     expect([...(await centersOf(part))]).toEqual([...a.center, ...c.center]);
     const text = Buffer.from(part).toString('latin1');
     expect(text).toContain('element vertex 2\n');
-    const records = Buffer.from(whole).subarray(-3 * (isDouble ? 44 : 32));
+    const records = Buffer.from(whole).subarray(-3 * (isDouble ? 52 : 40));
     const stride = records.length / 3;
     const kept = Buffer.concat([records.subarray(0, stride), records.subarray(2 * stride)]);
     expect(Buffer.from(part).subarray(-2 * stride).equals(kept)).toBe(true);
@@ -58,6 +63,13 @@ test('the Gaussians of a part are found in the model, equal ones in their order'
   expect([...indicesIn(all, all)]).toEqual([0, 1, 2, 3, 4]);
   expect([...indicesIn(all, Float32Array.of(1, 1, 1, NaN, 2, 2, 3, 3, 3))]).toEqual([1, 3, 4]);
   expect(() => indicesIn(all, Float32Array.of(5, 5, 5))).toThrow('the model has not');
+});
+
+test('sets become bits and bits sets', () => {
+  const set = Uint8Array.from({ length: 11 }, (_, i) => Number(i === 0 || i === 3 || i === 9));
+  expect([...bitsOf(set)]).toEqual([0b0000_1001, 0b0000_0010]);
+  expect([...setOfBits(bitsOf(set), 11)]).toEqual([...set]);
+  expect(() => setOfBits(Uint8Array.of(1), 11)).toThrow('not the bits of 11 Gaussians');
 });
 
 test('sets are combined', () => {

@@ -5,8 +5,10 @@ import { get, request } from 'node:http';
 import type { AddressInfo } from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { Code, ConnectError } from '@connectrpc/connect';
+import { Code, ConnectError, createClient } from '@connectrpc/connect';
+import { createConnectTransport } from '@connectrpc/connect-node';
 import { expect, test } from '@playwright/test';
+import { EditService } from '../../gen/pepeseg/v1/edit_service_pb';
 import type { BackEnd } from '../../server/back_end';
 import type { Config } from '../../server/config';
 import { createWebServer } from '../../server/web_server';
@@ -40,6 +42,16 @@ async function* endlessPly(_: unknown, { signal }: { signal: AbortSignal }) {
       await Promise.race([gone, new Promise((resolve) => setTimeout(resolve, 1))]);
       yield { part: { case: 'chunk', value: data } };
     }
+  } finally {
+    upstream.open -= 1;
+  }
+}
+
+async function* endlessEdit(_: unknown, { signal }: { signal: AbortSignal }) {
+  upstream.open += 1;
+  try {
+    yield { part: { case: 'progress', value: { activity: 'looking', numDone: 1n, numAll: 2n } } };
+    await whenAborted(signal);
   } finally {
     upstream.open -= 1;
   }
@@ -88,6 +100,7 @@ test.beforeEach(async () => {
     segmentation: {},
     labels: {},
     selections: {},
+    editing: { editModel: endlessEdit },
     rendering: { exportGaussians: endlessPly, renderView: slow },
   };
   const backEnd = { channel };
@@ -169,6 +182,29 @@ test('rendering a picture stops when nobody waits for it', async () => {
   await expect.poll(() => upstream.calls).toBe(1);
   asking.destroy();
   await expect.poll(() => upstream.cancelled).toBe(1);
+});
+
+test('an edit is cancelled when its reader leaves', async () => {
+  const transport = createConnectTransport({
+    baseUrl: url('/api/rpc'),
+    useBinaryFormat: true,
+    httpVersion: '1.1',
+  });
+  const leaving = new AbortController();
+  const { signal } = leaving;
+  const activities: string[] = [];
+  const editing = async () => {
+    const client = createClient(EditService, transport);
+    for await (const { part } of client.editModel({ model: 'scenes/a/models/1' }, { signal })) {
+      if (part.case !== 'progress') continue;
+      activities.push(part.value.activity);
+      expect(upstream.open).toBe(1);
+      leaving.abort();
+    }
+  };
+  await expect(editing()).rejects.toThrow();
+  expect(activities).toEqual(['looking']);
+  await expect.poll(() => upstream).toMatchObject({ open: 0, cancelled: 1 });
 });
 
 test('an interrupted upload is cancelled', async () => {

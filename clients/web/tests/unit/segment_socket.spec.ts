@@ -42,6 +42,26 @@ test.afterEach(() => {
   for (const name of ['window', 'WebSocket', 'location']) Reflect.deleteProperty(globalThis, name);
 });
 
+test('a socket that was closed is opened for the next request', async () => {
+  const { SegmentSocket } = await import('../../app/api/segment_socket');
+  const got: bigint[] = [];
+  const socket = new SegmentSocket({
+    answered: (sequence) => void got.push(sequence),
+    refused: () => undefined,
+  });
+  socket.ask(create(SegmentViewsRequestSchema, {}));
+  const first = FakeWebSocket.newest;
+  first?.onopen();
+  socket.close();
+  expect(first?.readyState).toBe(3);
+  socket.ask(create(SegmentViewsRequestSchema, {}));
+  const second = FakeWebSocket.newest;
+  expect(second).not.toBe(first);
+  second?.onopen();
+  second?.answer(2n);
+  expect([first?.sent, second?.sent, got]).toEqual([[1n], [2n], [2n]]);
+});
+
 test('an answer goes to who asked, and to nobody twice', async () => {
   const { SegmentSocket } = await import('../../app/api/segment_socket');
   const got: string[] = [];

@@ -9,8 +9,8 @@ test.afterEach(() => {
 });
 
 test('an export shows its steps, and ends when it is cancelled', async () => {
-  const { RunningExport } = await import('../../app/scene/running_export');
-  const exporting = new RunningExport();
+  const { RunningTask } = await import('../../app/scene/running_task');
+  const exporting = new RunningTask();
   let go: () => void = () => undefined;
   const reached: number[] = [];
   const running = exporting.run(async (steps) => {
@@ -38,8 +38,8 @@ test('an export shows its steps, and ends when it is cancelled', async () => {
 });
 
 test('an export that fails says why, and the next one begins', async () => {
-  const { RunningExport } = await import('../../app/scene/running_export');
-  const exporting = new RunningExport();
+  const { RunningTask } = await import('../../app/scene/running_task');
+  const exporting = new RunningTask();
   await exporting.run(() => Promise.reject(new ConnectError('the disk is full', Code.Internal)));
   expect(exporting.state.get().failure?.what).toBe('The disk is full.');
   await exporting.run(async () => undefined);

@@ -1,41 +1,41 @@
-// An export that runs: what it does now, how far it is, and its end.
+// Work that takes long, such as an export or an edit: what it does now, how far it is, and its end.
 import type { Failure } from '../api/failure';
 import { failureOf, isCancelled } from '../api/failure';
 import { Store } from '../store';
 
 /** What a step counts. */
-export type ExportUnit = 'masks' | 'bytes';
+export type TaskUnit = 'masks' | 'bytes' | 'steps';
 
-/** A step of an export that takes long. */
-export interface ExportStep {
+/** A step of the work. */
+export interface TaskStep {
   readonly name: string;
-  readonly unit: ExportUnit;
+  readonly unit: TaskUnit;
   readonly done: number;
   /** 0: not known yet. */
   readonly total: number;
 }
 
-export interface ExportState {
-  /** Undefined: nothing is being exported. */
-  readonly step: ExportStep | undefined;
+export interface TaskState {
+  /** Undefined: nothing runs. */
+  readonly step: TaskStep | undefined;
   readonly failure: Failure | undefined;
 }
 
 /** Follows a step, and ends it. */
 export interface Watch {
-  /** Throws if the export was cancelled. `total` 0: not known yet. */
+  /** Throws if the work was cancelled. `total` 0: not known yet. */
   readonly progress: (done: number, total: number) => void;
   readonly signal: AbortSignal;
 }
 
 /** Returns the watch of a step of this name. */
-export type Steps = (name: string, unit: ExportUnit) => Watch;
+export type Steps = (name: string, unit: TaskUnit) => Watch;
 
-export class RunningExport {
-  readonly state = new Store<ExportState>({ step: undefined, failure: undefined });
+export class RunningTask {
+  readonly state = new Store<TaskState>({ step: undefined, failure: undefined });
   private running: AbortController | undefined;
 
-  /** Runs an export; one at a time. */
+  /** Runs work; one at a time. */
   async run(work: (steps: Steps) => Promise<void>): Promise<void> {
     if (this.running) return;
     const controller = new AbortController();

@@ -1,16 +1,17 @@
 import type { JSX } from 'preact';
 import { bytesText, countText } from '../format';
 import { useStore } from '../store';
-import type { ExportStep, RunningExport } from './running_export';
+import type { RunningTask, TaskStep } from './running_task';
 
-function stepText({ name, unit, done, total }: ExportStep): string {
+function stepText({ name, unit, done, total }: TaskStep): string {
   if (total === 0) return done === 0 ? `${name} …` : `${name}: ${bytesText(done)}`;
   if (unit === 'bytes') return `${name}: ${bytesText(done)} of ${bytesText(total)}`;
-  return `${name}: ${countText(done)} of ${countText(total)} masks`;
+  const steps = `${name}: ${countText(done)} of ${countText(total)}`;
+  return unit === 'masks' ? `${steps} masks` : steps;
 }
 
-/** What an export does now, how far it is, and a button that ends it. */
-export function ExportProgress({ running }: { running: RunningExport }): JSX.Element | null {
+/** What is done now, how far it is, and a button that ends it. */
+export function TaskProgress({ running }: { running: RunningTask }): JSX.Element | null {
   const { step } = useStore(running.state);
   if (!step) return null;
   const { name, done, total } = step;
