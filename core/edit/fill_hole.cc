@@ -25,8 +25,8 @@ constexpr int kCoveredRounds = 2;  // what is covered by what is covered is foun
 constexpr size_t kMaxThingSamples = 8192;
 constexpr int64_t kMinOpenPixels = 24;  // of a view, that are worth a patch
 constexpr int kMaxViewFills = 6;
-// Of patches: they may be so many pixels outside of what the thing covers in a view, or so much of
-// the depth in front of what is seen there.
+// A patch may be this many pixels outside of what the thing covers in a view, or in front of what is
+// seen there by this share of the depth.
 constexpr int kCoverMargin = 2;
 constexpr float kDepthMargin = 0.02f;
 

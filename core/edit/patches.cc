@@ -24,7 +24,7 @@ constexpr double kPictureReach = 1.5;         // of it, in those of the thing on
 constexpr double kSlabTolerances = 4;         // the picture shows Gaussians so near to the plane
 constexpr double kOutlineMargin = 0.06;       // around the thing's outline, of its reach
 constexpr int kStride = 2;                    // pixels between patches in a view
-constexpr double kFrontRadii = 1;  // what is so much nearer than the thing's center covers it
+constexpr double kFrontRadii = 1;  // what is nearer than the thing's center by this covers it
 
 Eigen::Vector3d ColorAt(const Image& image, size_t pixel) {
   const uint8_t* rgb = image.pixels.data() + 3 * pixel;

@@ -11,7 +11,7 @@ namespace {
 
 // Coefficients of 0 stand for this colour, see ShChannel.
 constexpr double kMiddle = 0.5;
-// Of the mean: what is black has no shades to keep.
+// Least mean: what is black has no shades to keep.
 constexpr double kMinLuminance = 0.02;
 
 Eigen::Vector3d Coefficient(const Gaussians& gaussians, int k, int64_t row) {

@@ -15,6 +15,7 @@
 #include "pepeseg/v1/admin_service.grpc.pb.h"
 #include "pepeseg/v1/dataset_service.grpc.pb.h"
 #include "pepeseg/v1/errors.pb.h"
+#include "pepeseg/v1/edit_service.grpc.pb.h"
 #include "pepeseg/v1/evaluation_service.grpc.pb.h"
 #include "pepeseg/v1/job_service.grpc.pb.h"
 #include "pepeseg/v1/label_service.grpc.pb.h"
@@ -33,6 +34,7 @@ using JobStub = v1::JobService::Stub;
 using SegmentationStub = v1::SegmentationService::Stub;
 using LabelStub = v1::LabelService::Stub;
 using SelectionStub = v1::SelectionService::Stub;
+using EditStub = v1::EditService::Stub;
 using RenderStub = v1::RenderService::Stub;
 using EvaluationStub = v1::EvaluationService::Stub;
 using AdminStub = v1::AdminService::Stub;

@@ -86,6 +86,7 @@ void RunningServer::Restart() {
   datasets = v1::DatasetService::NewStub(channel);
   jobs = v1::JobService::NewStub(channel);
   segmentation = v1::SegmentationService::NewStub(channel);
+  edits = v1::EditService::NewStub(channel);
   renders = v1::RenderService::NewStub(channel);
   evaluations = v1::EvaluationService::NewStub(channel);
 }

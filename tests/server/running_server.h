@@ -78,6 +78,7 @@ struct RunningServer {
   std::unique_ptr<DatasetStub> datasets;
   std::unique_ptr<JobStub> jobs;
   std::unique_ptr<SegmentationStub> segmentation;
+  std::unique_ptr<EditStub> edits;
   std::unique_ptr<RenderStub> renders;
   std::unique_ptr<EvaluationStub> evaluations;
 };
