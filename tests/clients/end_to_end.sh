@@ -151,7 +151,7 @@ expect 0 pepeseg models shelf 2 --delete
 expect 0 pepeseg edit shelf move --selection 2 --by 0.1,0,0 --rotate y,30
 grep -Eq '^scenes/shelf/models/3  edited from scenes/shelf/models/1: moved [1-9][0-9]* Gaussians$' \
   "$work/output" || fail 'edit makes no model'
-grep -q 'they are in scenes/shelf/selections/' "$work/output" || fail 'edit names no selection'
+grep -q 'the moved ones are in scenes/shelf/selections/' "$work/output" || fail 'edit names no selection'
 grep -q 'undo: pepeseg models shelf 1 --live' "$work/errors" || fail 'edit does not say how to undo'
 expect 0 pepeseg models shelf
 grep -Eq '^3 .* edited 1: moved [1-9][0-9]* Gaussians$' "$work/output" || fail 'models does not say what an edit did'
