@@ -174,18 +174,23 @@ absl::Status SelectFirst(const Client& client, const EditFlags& flags,
 }
 
 // Prints "scenes/shelf/models/2  edited from scenes/shelf/models/1: removed 1204, added 310
-// Gaussians", and the selection of those.
+// Gaussians", and the selection of the last ones.
 void PrintResult(const EditFlags& flags, const v1::EditModelResponse::Result& result) {
   std::vector<std::string> parts;
-  const auto add = [&parts](const char* done, int64_t count) {
-    if (count > 0) parts.push_back(absl::StrCat(done, " ", count));
+  const char* last = "";
+  const auto add = [&](const char* done, int64_t count) {
+    if (count == 0) return;
+    parts.push_back(absl::StrCat(done, " ", count));
+    last = done;
   };
   add("removed", result.num_removed());
-  add("added", result.num_added());
   add(IsMove(flags) ? "moved" : "recoloured", result.num_changed());
+  add("added", result.num_added());
   Print(absl::StrFormat("%s  edited from %s: %s Gaussians", result.model(), result.edited_from(),
                         absl::StrJoin(parts, ", ")));
-  if (!result.selection().empty()) Print("  they are in " + result.selection());
+  if (!result.selection().empty()) {
+    Print(absl::StrCat("  the ", last, " ones are in ", result.selection()));
+  }
 }
 
 absl::StatusOr<v1::EditModelResponse::Result> EditWithProgress(

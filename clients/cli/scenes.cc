@@ -108,7 +108,7 @@ absl::Status RunScenes(const Shell& shell, const ScenesFlags& flags) {
   return DescribeScene(shell, client, SceneName(flags.scene));
 }
 
-// Returns "corrected 1" or "edited 1: removed 1,204 Gaussians and filled the hole"; "-": a training
+// Returns "corrected 1" or "edited 1: removed 1204 Gaussians and filled the hole"; "-": a training
 // made the model.
 std::string ChangeText(const v1::Model& model) {
   if (!model.edited_from().empty()) {

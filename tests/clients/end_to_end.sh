@@ -148,6 +148,25 @@ grep -q 'corrected from scenes/shelf/models/1' "$work/output" || fail 'a model h
 expect 0 pepeseg models shelf 1 --live
 grep -q 'scenes/shelf/models/1$' "$work/output" || fail 'the former model is not live again'
 expect 0 pepeseg models shelf 2 --delete
+expect 0 pepeseg edit shelf move --selection 2 --by 0.1,0,0 --rotate y,30
+grep -Eq '^scenes/shelf/models/3  edited from scenes/shelf/models/1: moved [1-9][0-9]* Gaussians$' \
+  "$work/output" || fail 'edit makes no model'
+grep -q 'the moved ones are in scenes/shelf/selections/' "$work/output" || fail 'edit names no selection'
+grep -q 'undo: pepeseg models shelf 1 --live' "$work/errors" || fail 'edit does not say how to undo'
+expect 0 pepeseg models shelf
+grep -Eq '^3 .* edited 1: moved [1-9][0-9]* Gaussians$' "$work/output" || fail 'models does not say what an edit did'
+expect 0 pepeseg models shelf 3
+grep -q '  edited from scenes/shelf/models/1: moved ' "$work/output" || fail 'a model hides its edit'
+expect 6 pepeseg edit shelf recolor --selection 2 --color '#cc2200'
+expect 0 pepeseg models shelf 1 --live
+expect 0 pepeseg models shelf 3 --delete
+expect 0 pepeseg edit shelf remove --view frame-000000.jpg --mask "$work/masks/frame-000000_mask.png" --fill
+grep -q '^selected: scenes/shelf/selections/' "$work/errors" || fail 'edit selects nothing first'
+grep -Eq ': [0-9]+ of [1-9][0-9]*$' "$work/errors" || fail 'edit shows no progress'
+grep -Eq ': removed [1-9][0-9]*, added [1-9][0-9]* Gaussians$' "$work/output" || fail 'the hole is not filled'
+expect 0 pepeseg models shelf 1 --live
+expect 0 pepeseg models shelf 4 --delete
+expect 3 pepeseg edit shelf remove --selection 999
 expect 4 pepeseg correct shelf --mask "frame-000000.jpg"
 expect 4 pepeseg correct shelf --mask "nothing.jpg=$work/masks/frame-000000_mask.png"
 

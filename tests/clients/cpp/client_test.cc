@@ -262,6 +262,37 @@ TEST_F(ClientTest, SelectsCombinesAndExports) {
   EXPECT_TRUE(absl::IsNotFound(client.GetSelection(red->name()).status()));
 }
 
+TEST_F(ClientTest, EditsAndUndoes) {
+  ASSERT_EQ(TrainShelf().state(), v1::JOB_STATE_SUCCEEDED);
+  v1::CreateSelectionRequest wanted;
+  wanted.set_model(ModelName("shelf"));
+  *wanted.mutable_prompt() = ClickAt(30, 32);
+  const auto red = client.Select(wanted);
+  ASSERT_OK(red);
+  v1::EditModelRequest request;
+  request.set_model(ModelName("shelf"));
+  request.mutable_subset()->set_selection(red->name());
+  request.mutable_move()->mutable_translation()->set_y(0.5);
+  const auto ignore = [](const v1::EditModelResponse::Progress& /*progress*/) {};
+  const auto moved = client.Edit(request, ignore);
+  ASSERT_OK(moved);
+  EXPECT_EQ(moved->model(), "scenes/shelf/models/2");
+  EXPECT_EQ(moved->edited_from(), "scenes/shelf/models/1");
+  EXPECT_EQ(moved->num_changed(), red->num_gaussians());
+  const auto there = client.GetSelection(moved->selection());
+  ASSERT_OK(there);
+  EXPECT_NEAR(there->box().min().y(), red->box().min().y() + 0.5, 1e-5);
+  EXPECT_EQ(client.GetModel(moved->model())->edited_from(), "scenes/shelf/models/1");
+  // The selection is of the former model.
+  EXPECT_TRUE(absl::IsFailedPrecondition(client.Edit(request, ignore).status()));
+  EXPECT_EQ(client.SetLiveModel(moved->edited_from())->live_model(), "scenes/shelf/models/1");
+  request.mutable_remove();
+  const auto removed = client.Edit(request, ignore);
+  ASSERT_OK(removed);
+  EXPECT_EQ(removed->num_removed(), red->num_gaussians());
+  EXPECT_EQ(removed->selection(), "");
+}
+
 TEST_F(ClientTest, LeavesNoFileOfAFailedExport) {
   ASSERT_OK(client.EnsureScene("shelf"));
   v1::ExportGaussiansRequest wanted;

@@ -201,6 +201,79 @@ class TestBusyServer:
             assert server.calls == 1
 
 
+@pytest.fixture
+def edited(client):
+    """Deletes the models that a test makes, and so makes the first one live again."""
+    before = client.model().name
+    yield
+    for model in client.models():
+        if model.edited_from:
+            client.of("shelf", model=model.name).delete_model()
+    assert client.model().name == before
+
+
+@pytest.mark.usefixtures("edited")
+class TestEditedModels:
+    def test_a_thing_is_moved_on_and_the_edit_undone(self, client):
+        cup = client.select(VIEW, points=POINT, threshold=0.5)
+        edit = client.move(cup, by=[0.25, 0, 0])
+        assert edit.edited_from == cup.model and edit.num_changed == cup.num_gaussians
+        assert client.model().name == edit.model and client.model().edited_from == cup.model
+        assert client.model().edit == f"moved {cup.num_gaussians} Gaussians"
+        there = client.selection(edit.selection)
+        assert there.num_gaussians == cup.num_gaussians
+        assert np.allclose(there.min, np.add(cup.min, (0.25, 0, 0)), atol=1e-5)
+        with pytest.raises(pepeseg.FailedPreconditionError):
+            client.move(cup, by=[1, 0, 0])  # it is of the former model
+        back = client.move(there, by=[-0.25, 0, 0])
+        assert np.allclose(client.selection(back.selection).min, cup.min, atol=1e-5)
+        client.of("shelf", model=cup.model).make_live()
+        assert client.model().name == cup.model
+
+    def test_a_removal_is_filled(self, client):
+        count = client.model().num_gaussians
+        told = []
+        edit = client.remove(
+            pepeseg.Prompt(VIEW, points=POINT), on_progress=lambda *what: told.append(what)
+        )
+        assert edit.num_removed > 0 and edit.num_added > 0
+        assert client.model().num_gaussians == count - edit.num_removed + edit.num_added
+        assert client.selection(edit.selection).num_gaussians == edit.num_added
+        assert all(activity and 0 <= done <= every for activity, done, every in told) and told
+
+    def test_all_else_is_removed(self, client):
+        cup = client.select(VIEW, points=POINT, threshold=0.5)
+        count = client.model().num_gaussians
+        edit = client.keep(cup)
+        assert edit.num_removed == count - cup.num_gaussians and edit.selection == ""
+        assert client.model().num_gaussians == cup.num_gaussians
+
+    def test_a_copy_is_added_and_recoloured(self, client):
+        cup = client.select(VIEW, points=POINT, threshold=0.5)
+        copied = client.copy(cup, by=[0, 0.2, 0], scale=0.5)
+        assert (copied.num_added, copied.num_changed) == (cup.num_gaussians, 0)
+        half = client.selection(copied.selection)
+        size = np.subtract(cup.max, cup.min)
+        assert np.allclose(np.subtract(half.max, half.min), size / 2, atol=1e-4)
+        before = client.render(VIEW, of=half).astype(float)
+        red = client.recolor(half, "#ff0000")
+        after = client.render(VIEW, of=red.selection).astype(float)
+        shown = before.sum(axis=2) > 60
+        assert shown.any()
+        assert after[shown][:, 0].mean() > 2 * after[shown][:, 1:].mean()
+
+    def test_errors_name_the_field(self, client):
+        nothing = client.select_gaussians([])
+        with pytest.raises(pepeseg.InvalidArgumentError) as error:
+            client.remove(nothing)
+        assert error.value.field == "subset"
+        everything = client.select_gaussians(np.ones(client.model().num_gaussians, bool))
+        with pytest.raises(pepeseg.InvalidArgumentError):
+            client.remove(everything)
+        with pytest.raises(pepeseg.NotFoundError):
+            client.remove(999)
+
+
 class TestGivenGaussians:
     def test_a_mask_and_indices_are_the_same_bits(self):
         mask = np.zeros(20, bool)

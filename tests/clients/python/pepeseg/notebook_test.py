@@ -33,7 +33,7 @@ def test_runs_end_to_end_on_the_shelf(server, monkeypatch, tmp_path):
             assert cell["outputs"] == [] and cell["execution_count"] is None
             shown.append(run_cell("".join(cell["source"]), names))
     pictures = [thing._repr_png_() for thing in shown if hasattr(thing, "_repr_png_")]
-    assert len(pictures) == 4
+    assert len(pictures) == 5
     for picture in pictures:
         image = Image.open(io.BytesIO(picture))
         image.load()
