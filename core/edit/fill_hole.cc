@@ -25,8 +25,8 @@ constexpr int kCoveredRounds = 2;  // what is covered by what is covered is foun
 constexpr size_t kMaxThingSamples = 8192;
 constexpr int64_t kMinOpenPixels = 24;  // of a view, that are worth a patch
 constexpr int kMaxViewFills = 6;
-// A patch may be this many pixels outside of what the thing covers in a view, or in front of what is
-// seen there by this share of the depth.
+// A patch may be this many pixels outside of what the thing covers in a view, or in front of what
+// is seen there by this share of the depth.
 constexpr int kCoverMargin = 2;
 constexpr float kDepthMargin = 0.02f;
 
@@ -166,9 +166,9 @@ void HoleFill::RemoveCovered() {
 absl::Status HoleFill::FillPlanes() {
   for (const SupportPlane& plane :
        FindSupportPlanes(segmenter_.model().gaussians, rest_, thing_, space_)) {
-    ASSIGN_OR_RETURN(const std::vector<Patch> patches,
-                     PlanePatches(segmenter_, plane, rest_, thing_));
-    AddHidden(patches);
+    ASSIGN_OR_RETURN(const PlaneFill fill, FillPlane(segmenter_, plane, rest_, thing_));
+    AddHidden(fill.patches);
+    lit_.insert(lit_.end(), fill.lit.begin(), fill.lit.end());
   }
   return absl::OkStatus();
 }
@@ -226,6 +226,16 @@ void HoleFill::AddPatches() {
                         NearestPoints(MeansOf(model.gaussians, around)), around);
   }
   edited_ = RemoveGaussians(model, removed_, added);
+  // The places of the Gaussians that stay.
+  std::vector<int64_t> place(removed_.member.size());
+  int64_t num = 0;
+  for (size_t i = 0; i < place.size(); ++i) place[i] = removed_.member[i] == 0 ? num++ : -1;
+  for (const PlaneFill::Lit& lit : lit_) {
+    if (place[lit.row] < 0) continue;  // another plane has lit it
+    ScaleColor(lit.factor, place[lit.row], edited_.gaussians);
+    place[lit.row] = -1;
+    ++edited_.num_changed;
+  }
 }
 
 int64_t BytesOfFill(const Model& model) {

@@ -5,7 +5,9 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/base/order_statistics.h"
 #include "core/base/status_macros.h"
+#include "core/edit/cast_shadow.h"
 #include "core/edit/hole_picture.h"
 #include "core/scene/camera.h"
 #include "kernels/gaussian_planes.h"
@@ -20,11 +22,13 @@ constexpr double kThickness = 0.1;     // of a patch, in its size
 constexpr double kOpacity = 0.98;
 constexpr float kKnownAlpha = 0.9f;
 constexpr int kMinSide = 64, kMaxSide = 320;  // of a plane's picture, pixels
-constexpr double kPictureReach = 1.5;         // of it, in those of the thing on the plane
-constexpr double kSlabTolerances = 4;         // the picture shows Gaussians so near to the plane
-constexpr double kOutlineMargin = 0.06;       // around the thing's outline, of its reach
-constexpr int kStride = 2;                    // pixels between patches in a view
-constexpr double kFrontRadii = 1;  // what is nearer than the thing's center by this covers it
+// Half of it: in the reach of the thing on the plane, and for its shadow in its height.
+constexpr double kPictureReach = 1.5, kShadowLength = 1.5;
+constexpr double kSlabTolerances = 4;    // the picture shows Gaussians so near to the plane
+constexpr double kOutlineMargin = 0.06;  // around the thing's outline, of its reach
+constexpr double kMostOfThing = 0.98;    // the others may be strays
+constexpr int kStride = 2;               // pixels between patches in a view
+constexpr double kFrontRadii = 1;        // what is nearer than the thing's center by this covers it
 
 Eigen::Vector3d ColorAt(const Image& image, size_t pixel) {
   const uint8_t* rgb = image.pixels.data() + 3 * pixel;
@@ -88,11 +92,15 @@ struct PlanePicture {
 PlanePicture PictureOf(const SupportPlane& plane, std::span<const Eigen::Vector3d> thing,
                        double scene_radius) {
   PlanePicture picture;
+  std::vector<double> reaches, heights;
   for (const Eigen::Vector3d& p : thing) {
     const Eigen::Vector3d on_plane = p - plane.Above(p) * plane.normal;
-    picture.reach = std::max(picture.reach, (on_plane - plane.point).norm());
+    reaches.push_back((on_plane - plane.point).norm());
+    heights.push_back(plane.Above(p));
   }
-  const double half = kPictureReach * picture.reach;
+  picture.reach = NearestRank(reaches, kMostOfThing);
+  const double height = std::max(0.0, NearestRank(heights, kMostOfThing));
+  const double half = kPictureReach * picture.reach + kShadowLength * height;
   const int side = static_cast<int>(std::clamp(2 * half / std::max(plane.spacing, 1e-9 * half),
                                                double{kMinSide}, double{kMaxSide}));
   picture.pixel = 2 * half / side;
@@ -127,6 +135,42 @@ absl::StatusOr<PlaneLook> LookAtPlane(const Segmenter& segmenter, const ModelVie
   return look;
 }
 
+// Returns the pixels inside the outline of the thing on the plane, and a margin: [height, width].
+std::vector<uint8_t> FootOf(const PlanePicture& picture, const SupportPlane& plane,
+                            std::span<const Eigen::Vector3d> thing) {
+  std::vector<Eigen::Vector2d> outline;
+  for (const Eigen::Vector3d& p : thing) {
+    const Eigen::Vector3d on_plane = p - plane.Above(p) * plane.normal;
+    if ((on_plane - plane.point).norm() > kPictureReach * picture.reach) continue;
+    outline.push_back(picture.PixelOf(on_plane));
+  }
+  outline = HullOf(std::move(outline));
+  const double margin = std::max(2.0, kOutlineMargin * picture.reach / picture.pixel);
+  const Camera& camera = picture.view.camera;
+  std::vector<uint8_t> foot;
+  for (int y = 0; y < camera.height; ++y) {
+    for (int x = 0; x < camera.width; ++x) {
+      foot.push_back(IsInside(outline, {x + 0.5, y + 0.5}, margin) ? 1 : 0);
+    }
+  }
+  return foot;
+}
+
+// Returns the Gaussians of the slab that are in the shadow.
+std::vector<PlaneFill::Lit> LitBy(const CastShadow& shadow, const PlanePicture& picture,
+                                  const Gaussians& gaussians, const GaussianSet& slab) {
+  const Camera& camera = picture.view.camera;
+  std::vector<PlaneFill::Lit> lit;
+  for (int64_t i = 0; i < gaussians.count; ++i) {
+    if (slab.member[i] == 0) continue;
+    const Eigen::Vector2d at = picture.PixelOf(MeanOf(gaussians, i));
+    if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) continue;
+    const size_t pixel = static_cast<size_t>(at.y()) * camera.width + static_cast<size_t>(at.x());
+    if (shadow.share[pixel] > 0) lit.push_back({i, shadow.GainAt(pixel)});
+  }
+  return lit;
+}
+
 }  // namespace
 
 NewGaussians GaussiansOf(std::span<const Patch> patches, int sh_degree,
@@ -153,9 +197,8 @@ NewGaussians GaussiansOf(std::span<const Patch> patches, int sh_degree,
   return added;
 }
 
-absl::StatusOr<std::vector<Patch>> PlanePatches(const Segmenter& segmenter,
-                                                const SupportPlane& plane, const GaussianSet& rest,
-                                                std::span<const int64_t> thing) {
+absl::StatusOr<PlaneFill> FillPlane(const Segmenter& segmenter, const SupportPlane& plane,
+                                    const GaussianSet& rest, std::span<const int64_t> thing) {
   const Model& model = segmenter.model();
   std::vector<Eigen::Vector3d> points;
   for (const int64_t row : thing) points.push_back(MeanOf(model.gaussians, row));
@@ -166,38 +209,38 @@ absl::StatusOr<std::vector<Patch>> PlanePatches(const Segmenter& segmenter,
     if (std::abs(above) > kSlabTolerances * plane.tolerance) slab.member[i] = 0;
   }
   ASSIGN_OR_RETURN(const PlaneLook look, LookAtPlane(segmenter, picture.view, slab));
-  std::vector<Eigen::Vector2d> outline;
-  for (const Eigen::Vector3d& p : points) {
-    outline.push_back(picture.PixelOf(p - plane.Above(p) * plane.normal));
-  }
-  outline = HullOf(std::move(outline));
-  const double margin = std::max(2.0, kOutlineMargin * picture.reach / picture.pixel);
+  const std::vector<uint8_t> foot = FootOf(picture, plane, points);
   HolePicture hole{picture.view.camera.width, picture.view.camera.height, {}, {}, {}};
   hole.known.resize(look.alpha.size());
   hole.hole.resize(look.alpha.size());
   hole.values = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(look.alpha.size()), 3);
   for (size_t i = 0; i < look.alpha.size(); ++i) {
-    const auto w = static_cast<size_t>(hole.width);
-    const Eigen::Vector2d at(static_cast<double>(i % w) + 0.5, static_cast<double>(i / w) + 0.5);
     if (look.alpha[i] >= kKnownAlpha) {
       hole.known[i] = 1;
       hole.values.row(static_cast<Eigen::Index>(i)) = ColorAt(look.color, i) / look.alpha[i];
-    } else if (IsInside(outline, at, margin)) {
-      hole.hole[i] = 1;
+    } else {
+      hole.hole[i] = foot[i];
     }
   }
-  std::vector<Patch> patches;
-  if (KeepEnclosed(kMinKnown, hole) == 0) return patches;
+  PlaneFill fill;
+  const CastShadow shadow = FindShadow(hole, foot);
+  if (!shadow.share.empty()) {
+    for (size_t i = 0; i < hole.num_pixels(); ++i) {
+      hole.values.row(static_cast<Eigen::Index>(i)).array() *= shadow.GainAt(i).transpose();
+    }
+    fill.lit = LitBy(shadow, picture, model.gaussians, slab);
+  }
+  if (KeepEnclosed(kMinKnown, hole) == 0) return fill;
   FillSmoothly(hole);
   for (int y = 0; y < hole.height; ++y) {
     for (int x = 0; x < hole.width; ++x) {
       const Eigen::Index i = Eigen::Index{y} * hole.width + x;
       if (hole.hole[i] == 0) continue;
-      patches.push_back({picture.PointAt(plane, x, y), plane.normal, kSizeInPixels * picture.pixel,
-                         hole.values.row(i)});
+      fill.patches.push_back({picture.PointAt(plane, x, y), plane.normal,
+                              kSizeInPixels * picture.pixel, hole.values.row(i)});
     }
   }
-  return patches;
+  return fill;
 }
 
 std::vector<uint8_t> OpenPixels(const ModelView& view, const ThingLook& look,

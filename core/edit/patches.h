@@ -28,11 +28,21 @@ struct Patch {
 NewGaussians GaussiansOf(std::span<const Patch> patches, int sh_degree,
                          const NearestPoints& nearest, std::span<const int64_t> rows);
 
+// What becomes of a plane without the thing.
+struct PlaneFill {
+  std::vector<Patch> patches;  // where it was not seen
+  // Gaussians that were in the thing's shadow, and the factors on their colours.
+  struct Lit {
+    int64_t row;
+    Eigen::Array3d factor;
+  };
+  std::vector<Lit> lit;
+};
 // Continues a plane under the thing, where none of the Gaussians of `rest` cover it: in a picture
-// of the plane, seen from the thing's side, with the colours of what is around the hole.
-absl::StatusOr<std::vector<Patch>> PlanePatches(const Segmenter& segmenter,
-                                                const SupportPlane& plane, const GaussianSet& rest,
-                                                std::span<const int64_t> thing);
+// of the plane, seen from the thing's side, with the colours of what is around the hole. Lights
+// what is in the thing's shadow (FindShadow).
+absl::StatusOr<PlaneFill> FillPlane(const Segmenter& segmenter, const SupportPlane& plane,
+                                    const GaussianSet& rest, std::span<const int64_t> thing);
 
 // The pixels of a view that show nothing without the thing, and that no patch covers.
 std::vector<uint8_t> OpenPixels(const ModelView& view, const ThingLook& look,

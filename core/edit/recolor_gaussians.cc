@@ -21,6 +21,16 @@ Eigen::Vector3d Coefficient(const Gaussians& gaussians, int k, int64_t row) {
 
 }  // namespace
 
+void ScaleColor(const Eigen::Array3d& factor, int64_t row, Gaussians& gaussians) {
+  for (int channel = 0; channel < 3; ++channel) {
+    for (int k = 0; k < NumShCoefficients(gaussians.sh_degree); ++k) {
+      float& value = gaussians.Plane(kShPlane + 3 * k + channel)[row];
+      const double moved_middle = k == 0 ? (factor[channel] - 1) * kMiddle / kSh0 : 0;
+      value = static_cast<float>(factor[channel] * value + moved_middle);
+    }
+  }
+}
+
 void RecolorGaussians(const NewColor& to, std::span<const int64_t> rows, Gaussians& gaussians) {
   const Eigen::RowVector3d luminance(0.2126, 0.7152, 0.0722);
   double sum = 0, weights = 0;

@@ -13,6 +13,9 @@ struct NewColor {
   double strength = 1;                              // share of it, in (0, 1]
 };
 
+// Multiplies the colour of a Gaussian, in each direction, by a factor for each channel.
+void ScaleColor(const Eigen::Array3d& factor, int64_t row, Gaussians& gaussians);
+
 // Gives the Gaussians with the indices `rows` another colour. With strength 1 the colour c of a
 // Gaussian, in each direction, becomes `color` * Y(c) / Y: Y(c) is its luminance (Rec. 709), Y the
 // mean luminance of all, by their opacities. So their mean becomes `color`, and shades and

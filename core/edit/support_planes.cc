@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <ranges>
 
 #include "core/base/order_statistics.h"
 #include "core/edit/nearest_points.h"
@@ -15,12 +16,15 @@ namespace {
 
 constexpr size_t kMaxPlanes = 3;
 constexpr size_t kMaxCandidates = 8192, kMaxThingPoints = 4096;
-constexpr double kReach = 0.35;      // of candidates from the thing, in its radii
-constexpr double kTolerance = 0.03;  // of a plane, in radii of the thing
+constexpr double kReach = 0.8;       // of candidates from the thing, in its radii
+constexpr double kTolerance = 0.06;  // of a plane, in radii of the thing
 constexpr float kMinLogit = -0.85f;  // of a candidate: an opacity of 0.3
 constexpr int kNumDraws = 512;
 constexpr double kMinShare = 0.1;  // of the candidates, for a plane
-constexpr size_t kMinMembers = 30;
+constexpr size_t kMinMembers = 12;
+// Cosine of the angle to another plane, with which it is the same rough surface.
+constexpr double kSameDirection = 0.9;
+constexpr double kMaxGap = 0.25;   // between a plane and the thing, in radii of the thing
 constexpr double kMinAbove = 0.9;  // share of the thing on one side of a plane
 
 struct PlaneCandidate {
@@ -118,14 +122,17 @@ double SizeOf(const Gaussians& gaussians, int64_t row) {
   return std::exp((sum - least) / 2);
 }
 
-// Turns the normal to the thing. Returns false if the thing is on both sides.
-bool TurnToThing(std::span<const Eigen::Vector3d> thing, SupportPlane& plane) {
+// Turns the normal to the thing. Returns false if the thing is on both sides, or does not touch it.
+bool TurnToThing(std::span<const Eigen::Vector3d> thing, double max_gap, SupportPlane& plane) {
   const auto above = [&](double sign) {
     return std::ranges::count_if(thing, [&](const Eigen::Vector3d& p) {
       return sign * plane.Above(p) > -2 * plane.tolerance;
     });
   };
   if (above(-1) > above(1)) plane.normal = -plane.normal;
+  const auto gap = std::ranges::min(
+      thing | std::views::transform([&](const Eigen::Vector3d& p) { return plane.Above(p); }));
+  if (gap > max_gap) return false;
   return static_cast<double>(above(1)) >= kMinAbove * static_cast<double>(thing.size());
 }
 
@@ -154,7 +161,10 @@ std::vector<SupportPlane> FindSupportPlanes(const Gaussians& gaussians, const Ga
       sizes.push_back(SizeOf(gaussians, c.row));
     }
     plane.spacing = NearestRank(sizes, 0.5);
-    if (TurnToThing(points, plane)) {
+    const bool is_new = std::ranges::none_of(planes, [&](const SupportPlane& other) {
+      return std::abs(other.normal.dot(plane.normal)) > kSameDirection;
+    });
+    if (is_new && TurnToThing(points, kMaxGap * space.radius, plane)) {
       plane.point = space.center - plane.Above(space.center) * plane.normal;
       planes.push_back(plane);
     }

@@ -24,7 +24,7 @@ struct SupportPlane {
 
 // Returns up to three planes, those with the most Gaussians first, found by RANSAC with a fixed
 // seed among the Gaussians of `rest` next to the thing. All of the thing, or nearly, is on one side
-// of each.
+// of each, and touches it. No two have nearly the same direction.
 std::vector<SupportPlane> FindSupportPlanes(const Gaussians& gaussians, const GaussianSet& rest,
                                             std::span<const int64_t> thing,
                                             const ThingSpace& space);

@@ -87,6 +87,13 @@ struct FillHoleTest : ::testing::Test {
     return worst;
   }
 
+  // Returns the mean of these differences.
+  static double MeanFromGrey(const Image& image) {
+    double sum = 0;
+    for (const uint8_t value : image.pixels) sum += std::abs(value - 127);
+    return sum / static_cast<double>(image.pixels.size());
+  }
+
   Model model;
   GaussianSet ball;
   std::set<std::string> activities;
@@ -109,6 +116,27 @@ TEST_F(FillHoleTest, ContinuesTheFloorUnderABall) {
     EXPECT_LT(std::hypot(at.x(), at.z()), kHoleRadius + 0.1);
   }
   EXPECT_TRUE(activities.contains("looking behind the thing"));
+}
+
+TEST_F(FillHoleTest, LightsTheShadow) {
+  const auto in_shadow = [](const Eigen::Vector3d& at) {
+    return at.x() > 0 && at.x() < 0.8 && std::abs(at.z()) < 0.3;
+  };
+  for (int64_t i = 0; i < model.gaussians.count; ++i) {
+    if (ball.member[i] != 0 || !in_shadow(MeanOf(model.gaussians, i))) continue;
+    for (int k = 0; k < 3; ++k) {
+      float& value = model.gaussians.Plane(kShPlane + k)[i];
+      if (value < 1) value = (0.3f - 0.5f) / 0.28209479f;  // not the blob
+    }
+  }
+  const EditedModel filled = Fill();
+  EXPECT_GT(filled.num_changed, 100);
+  const EditedModel removed =
+      RemoveGaussians(model, ball, {Gaussians::Zero(0, model.gaussians.sh_degree), {}});
+  const double before = MeanFromGrey(FromAbove(removed.gaussians));
+  EXPECT_GT(before, 15);
+  // At the edge of the shadow some Gaussians are in between.
+  EXPECT_LT(MeanFromGrey(FromAbove(filled.gaussians)), 0.35 * before);
 }
 
 TEST_F(FillHoleTest, GivesTheSameOnAnyNumberOfThreads) {
