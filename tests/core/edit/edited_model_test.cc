@@ -109,6 +109,26 @@ TEST(EditedModel, ACopyStandsNextToTheOriginal) {
   }
 }
 
+TEST(EditedModel, KnowsHowFarItsGaussiansReach) {
+  Model model = RandomModel();
+  GaussianSet two{std::vector<uint8_t>(kCount)};
+  two.member[3] = two.member[7] = 1;
+  EXPECT_LT(ReachOf(model.gaussians, two), 1);
+  model.gaussians.Plane(kMeanPlane + 1)[7] = -40;
+  EXPECT_EQ(ReachOf(model.gaussians, two), 40);
+  model.gaussians.Plane(kLogScalePlane + 2)[3] = std::log(50.0f);
+  EXPECT_NEAR(ReachOf(model.gaussians, two), 50, 1e-4);
+  for (const float damaged : {NAN, -NAN, INFINITY, -INFINITY}) {
+    model.gaussians.Plane(kMeanPlane)[3] = damaged;
+    EXPECT_EQ(ReachOf(model.gaussians, two), INFINITY);
+  }
+  model.gaussians.Plane(kMeanPlane)[3] = 0;
+  model.gaussians.Plane(kLogScalePlane)[3] = 1000;
+  EXPECT_EQ(ReachOf(model.gaussians, two), INFINITY);
+  two.member[3] = 0;
+  EXPECT_EQ(ReachOf(model.gaussians, two), 40);
+}
+
 TEST(EditedModel, RemovesAndAdds) {
   const Model model = RandomModel();
   NewGaussians added = {model.gaussians.Select(std::vector<int64_t>{7, 7, 8}), {50, 51, 52}};
