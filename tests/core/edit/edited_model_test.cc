@@ -175,5 +175,29 @@ TEST(EditedModel, RecoloursWithItsShades) {
   EXPECT_LT((color(half.gaussians, 3) - between).norm(), 1e-5);
 }
 
+// All of it is black but a highlight, or none is.
+TEST(EditedModel, RecoloursWhatIsBlack) {
+  const Eigen::Vector3d red(0.6, 0.2, 0.1);
+  const auto set = [](Gaussians& gaussians, int64_t i, double grey) {
+    for (int k = 0; k < 3; ++k) {
+      gaussians.Plane(kShPlane + k)[i] = static_cast<float>((grey - 0.5) / kSh0);
+    }
+  };
+  const auto color = [](const Gaussians& gaussians, int64_t i) {
+    const auto at = [&](int k) { return 0.5 + kSh0 * gaussians.Plane(kShPlane + k)[i]; };
+    return Eigen::Vector3d(at(0), at(1), at(2));
+  };
+  Model model = RandomModel();
+  for (int64_t i = 0; i < kCount; ++i) set(model.gaussians, i, 0);
+  const EditedModel black = RecolorMembers(model, First(), {red, 1});
+  EXPECT_LT((color(black.gaussians, 5) - red).norm(), 1e-4);
+  const EditedModel half = RecolorMembers(model, First(), {red, 0.5});
+  EXPECT_LT((color(half.gaussians, 5) - red / 2).norm(), 1e-4);
+  set(model.gaussians, 5, 0.1);
+  const EditedModel shade = RecolorMembers(model, First(), {red, 1});
+  EXPECT_GT(color(shade.gaussians, 5).x(), 2 * color(shade.gaussians, 6).x());
+  EXPECT_NEAR(color(shade.gaussians, 6).x(), red.x(), 0.05);
+}
+
 }  // namespace
 }  // namespace pepeseg
