@@ -25,8 +25,8 @@ constexpr int kCoveredRounds = 2;  // what is covered by what is covered is foun
 constexpr size_t kMaxThingSamples = 8192;
 constexpr int64_t kMinOpenPixels = 24;  // of a view, that are worth a patch
 constexpr int kMaxViewFills = 6;
-// A patch may be this many pixels outside of what the thing covers in a view, or in front of what is
-// seen there by this share of the depth.
+// A patch may be this many pixels outside of what the thing covers in a view, or in front of what
+// is seen there by this share of the depth.
 constexpr int kCoverMargin = 2;
 constexpr float kDepthMargin = 0.02f;
 
@@ -87,6 +87,10 @@ absl::Status HoleFill::Next() {
       next_part(Part::kLook);
       if (part_ == Part::kShown) return absl::OkStatus();
       RemoveCovered();
+      if (rest_.count() == 0) {
+        return absl::InvalidArgumentError(
+            "the thing hides all else in all views: nothing would be left");
+      }
       if (++round_ < kCoveredRounds) part_ = Part::kShown;
       return absl::OkStatus();
     case Part::kLook:

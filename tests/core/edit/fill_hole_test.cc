@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
+#include <span>
 #include <string>
 
 #include "core/mesh/make_mesh.h"
@@ -120,6 +122,24 @@ TEST_F(FillHoleTest, RemovesOnlyTheThingWithoutViews) {
   model.views.clear();
   const EditedModel edited = Fill();
   EXPECT_EQ(edited.num_removed, ball.count());
+}
+
+// Only the blob under the ball would stay, which no view has seen.
+TEST_F(FillHoleTest, RefusesWhatHidesAllElse) {
+  const Gaussians& gaussians = model.gaussians;
+  for (int64_t i = 0; i < gaussians.count; ++i) {
+    const bool is_blob = ball.member[i] == 0 && gaussians.Plane(kMeanPlane + 1)[i] == 0.52f;
+    ball.member[i] = is_blob ? 0 : 1;
+  }
+  ASSERT_EQ(ball.count(), gaussians.count - 1);
+  CpuBackend backend{2};
+  const auto segmenter = Segmenter::Create(backend, model);
+  ASSERT_TRUE(segmenter.ok());
+  const auto fill = HoleFill::Create(**segmenter, ball);
+  ASSERT_TRUE(fill.ok());
+  absl::Status status;
+  while (status.ok() && !(*fill)->done()) status = (*fill)->Next();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
 }
 
 TEST_F(FillHoleTest, RefusesNothingAndAll) {
