@@ -1,6 +1,8 @@
 #include "core/edit/edited_model.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <span>
 
 #include "kernels/gaussian_planes.h"
@@ -86,6 +88,19 @@ EditedModel MoveMembers(const Model& model, const GaussianSet& set, const Simila
   MoveGaussians(move, all, moved.gaussians);
   const GaussianSet none{std::vector<uint8_t>(set.member.size())};
   return RemoveGaussians(model, none, moved);
+}
+
+double ReachOf(const Gaussians& gaussians, const GaussianSet& set) {
+  double reach = 0;
+  for (const int64_t row : RowsOf(set)) {
+    for (int k = 0; k < 3; ++k) {
+      const double at = std::abs(double{gaussians.Plane(kMeanPlane + k)[row]});
+      const double size = std::exp(double{gaussians.Plane(kLogScalePlane + k)[row]});
+      if (!std::isfinite(at + size)) return std::numeric_limits<double>::infinity();
+      reach = std::max({reach, at, size});
+    }
+  }
+  return reach;
 }
 
 EditedModel RecolorMembers(const Model& model, const GaussianSet& set, const NewColor& color) {

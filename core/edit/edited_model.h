@@ -14,6 +14,9 @@ namespace pepeseg {
 
 // Largest number of Gaussians of a model that an edit makes: that of its files.
 inline constexpr int64_t kMaxEditedGaussians = 50'000'000;
+// Largest coordinate and standard deviation of a Gaussian that a move makes, scene units: float has
+// room for what rendering computes with them.
+inline constexpr double kMaxMovedReach = 1e9;
 
 struct EditedModel {
   Gaussians gaussians;
@@ -38,6 +41,9 @@ EditedModel RemoveGaussians(const Model& model, const GaussianSet& removed,
 // Returns the model with its members moved, or with a moved copy of them at its end.
 EditedModel MoveMembers(const Model& model, const GaussianSet& set, const Similarity& move,
                         bool copy);
+// Returns the largest coordinate or standard deviation of the members, scene units; infinity if one
+// is not finite.
+double ReachOf(const Gaussians& gaussians, const GaussianSet& set);
 // Returns the model with its members in another colour. There must be a member.
 EditedModel RecolorMembers(const Model& model, const GaussianSet& set, const NewColor& color);
 

@@ -87,6 +87,10 @@ absl::Status HoleFill::Next() {
       next_part(Part::kLook);
       if (part_ == Part::kShown) return absl::OkStatus();
       RemoveCovered();
+      if (rest_.count() == 0) {
+        return absl::InvalidArgumentError(
+            "the thing hides all else in all views: nothing would be left");
+      }
       if (++round_ < kCoveredRounds) part_ = Part::kShown;
       return absl::OkStatus();
     case Part::kLook:

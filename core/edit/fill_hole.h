@@ -38,8 +38,8 @@ class HoleFill {
                                                           GaussianSet thing);
 
   bool done() const { return part_ == Part::kDone; }
-  // Does the next part of the work. Must not be done. Errors are those of Segmenter::RenderColor
-  // and SurroundingsTraining.
+  // Does the next part of the work. Must not be done. Errors are those of Segmenter::RenderColor.
+  // INVALID_ARGUMENT: all that is not the thing is covered by it, so nothing would be left.
   absl::Status Next();
   Progress progress() const;
   // Returns the result. Must be done; call once.

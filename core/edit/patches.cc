@@ -60,6 +60,12 @@ std::vector<Eigen::Vector2d> HullOf(std::vector<Eigen::Vector2d> points) {
 
 // Returns whether a point is in a convex hull, or at most `margin` outside of it.
 bool IsInside(const std::vector<Eigen::Vector2d>& hull, const Eigen::Vector2d& p, double margin) {
+  if (hull.size() == 2) {  // the points are on a line, or are one
+    const Eigen::Vector2d along = hull[1] - hull[0];
+    const double length = along.squaredNorm();
+    const double share = length > 0 ? std::clamp((p - hull[0]).dot(along) / length, 0.0, 1.0) : 0.0;
+    return (hull[0] + share * along - p).norm() <= margin;
+  }
   for (size_t i = 0; i < hull.size(); ++i) {
     const Eigen::Vector2d along = (hull[(i + 1) % hull.size()] - hull[i]).normalized();
     const Eigen::Vector2d to = p - hull[i];
@@ -98,7 +104,8 @@ PlanePicture PictureOf(const SupportPlane& plane, std::span<const Eigen::Vector3
     reaches.push_back((on_plane - plane.point).norm());
     heights.push_back(plane.Above(p));
   }
-  picture.reach = NearestRank(reaches, kMostOfThing);
+  // At least that of a thing that is one point on the plane.
+  picture.reach = std::max(plane.tolerance, NearestRank(reaches, kMostOfThing));
   const double height = std::max(0.0, NearestRank(heights, kMostOfThing));
   const double half = kPictureReach * picture.reach + kShadowLength * height;
   const int side = static_cast<int>(std::clamp(2 * half / std::max(plane.spacing, 1e-9 * half),
@@ -256,10 +263,15 @@ std::vector<uint8_t> OpenPixels(const ModelView& view, const ThingLook& look,
     const double x = camera.fx * p.x() / p.z() + camera.cx;
     const double y = camera.fy * p.y() / p.z() + camera.cy;
     const double radius = std::max(1.0, 2 * patch.size * camera.fx / p.z());
-    for (int v = std::max(0, static_cast<int>(y - radius));
-         v <= std::min(camera.height - 1, static_cast<int>(y + radius)); ++v) {
-      for (int u = std::max(0, static_cast<int>(x - radius));
-           u <= std::min(camera.width - 1, static_cast<int>(x + radius)); ++u) {
+    // Next to the camera's plane, pixels exceed an int.
+    const auto first = [](double at, int size) {
+      return static_cast<int>(std::clamp(at, 0.0, static_cast<double>(size)));
+    };
+    const auto last = [](double at, int size) {
+      return static_cast<int>(std::clamp(at, -1.0, size - 1.0));
+    };
+    for (int v = first(y - radius, camera.height); v <= last(y + radius, camera.height); ++v) {
+      for (int u = first(x - radius, camera.width); u <= last(x + radius, camera.width); ++u) {
         open[static_cast<size_t>(v) * camera.width + u] = 0;
       }
     }

@@ -11,8 +11,8 @@ namespace {
 
 // Coefficients of 0 stand for this colour, see ShChannel.
 constexpr double kMiddle = 0.5;
-// Least mean: what is black has no shades to keep.
-constexpr double kMinLuminance = 0.02;
+// A mean below it is raised to it first: what is nearly black has hardly a shade to multiply.
+constexpr double kMinLuminance = 0.05;
 
 Eigen::Vector3d Coefficient(const Gaussians& gaussians, int k, int64_t row) {
   const auto at = [&](int channel) { return gaussians.Plane(kShPlane + 3 * k + channel)[row]; };
@@ -41,13 +41,15 @@ void RecolorGaussians(const NewColor& to, std::span<const int64_t> rows, Gaussia
     sum += opacity * luminance.dot(color);
     weights += opacity;
   }
-  const double mean = std::max(kMinLuminance, weights > 0 ? sum / weights : 0);
+  const double before = weights > 0 ? sum / weights : 0;
+  const double mean = std::max(kMinLuminance, before);
   const Eigen::Matrix3d change =
       (1 - to.strength) * Eigen::Matrix3d::Identity() + (to.strength / mean) * to.color * luminance;
   // The change is linear in the colour, so it applies to each coefficient; the first one also takes
   // what it makes of the middle.
   const Eigen::Vector3d middle = Eigen::Vector3d::Constant(kMiddle);
-  const Eigen::Vector3d moved_middle = (change * middle - middle) / kSh0;
+  const Eigen::Vector3d raised = to.strength * (mean - before) / mean * to.color;
+  const Eigen::Vector3d moved_middle = (change * middle + raised - middle) / kSh0;
   for (int k = 0; k < NumShCoefficients(gaussians.sh_degree); ++k) {
     for (const int64_t row : rows) {
       Eigen::Vector3d changed = change * Coefficient(gaussians, k, row);

@@ -19,7 +19,8 @@ void ScaleColor(const Eigen::Array3d& factor, int64_t row, Gaussians& gaussians)
 // Gives the Gaussians with the indices `rows` another colour. With strength 1 the colour c of a
 // Gaussian, in each direction, becomes `color` * Y(c) / Y: Y(c) is its luminance (Rec. 709), Y the
 // mean luminance of all, by their opacities. So their mean becomes `color`, and shades and
-// highlights stay. There must be a row.
+// highlights stay. Of a thing darker than 0.05, Y(c) is raised by what Y lacks. There must be a
+// row.
 void RecolorGaussians(const NewColor& to, std::span<const int64_t> rows, Gaussians& gaussians);
 
 }  // namespace pepeseg

@@ -95,6 +95,18 @@ NewColor ColorOf(const v1::EditModelRequest::Recolor& recolor) {
           recolor.strength() == 0 ? 1 : recolor.strength()};
 }
 
+// Refuses a move whose result cannot be rendered.
+absl::StatusOr<EditedModel> Moved(const Model& model, const GaussianSet& subset,
+                                  const v1::EditModelRequest::Move& move) {
+  EditedModel edited = MoveMembers(model, subset, SimilarityOf(move, model, subset), move.copy());
+  const double reach = ReachOf(edited.gaussians, edited.touched);
+  if (reach <= kMaxMovedReach) return edited;
+  return BadField("move", absl::StrCat(reach),
+                  absl::StrCat("scene units would be a coordinate or the size of a Gaussian; "
+                               "allowed are ",
+                               kMaxMovedReach));
+}
+
 // Returns what an edit did, for people.
 std::string TextOf(const v1::EditModelRequest& request, const EditedModel& edited) {
   if (request.has_recolor()) return absl::StrCat("recoloured ", edited.num_changed, " Gaussians");
@@ -141,20 +153,20 @@ absl::Status EditModelStream::Open() {
   const bool fills = request_.remove().fill();
   const int64_t bytes = fills ? BytesOfFill(model_->model()) : BytesOfEdit(model_->model());
   ASSIGN_OR_RETURN(memory_, deps_.models.TakeAnswerMemory(model_.id.scene.project, bytes));
-  if (!fills) return Store(Edit(*subset));
+  if (!fills) {
+    ASSIGN_OR_RETURN(EditedModel edited, Edit(*subset));
+    return Store(std::move(edited));
+  }
   ASSIGN_OR_RETURN(fill_, HoleFill::Create(model_->segmenter(), *std::move(subset)));
   return absl::OkStatus();
 }
 
-EditedModel EditModelStream::Edit(const GaussianSet& subset) const {
+absl::StatusOr<EditedModel> EditModelStream::Edit(const GaussianSet& subset) const {
   const Model& model = model_->model();
   if (request_.has_remove()) {
     return RemoveGaussians(model, subset, {Gaussians::Zero(0, model.gaussians.sh_degree), {}});
   }
-  if (request_.has_move()) {
-    return MoveMembers(model, subset, SimilarityOf(request_.move(), model, subset),
-                       request_.move().copy());
-  }
+  if (request_.has_move()) return Moved(model, subset, request_.move());
   return RecolorMembers(model, subset, ColorOf(request_.recolor()));
 }
 

@@ -39,7 +39,7 @@ class EditModelStream final : public WriteStream<v1::EditModelResponse> {
   void OnClosed() override;
   // Authorises the call, loads the model and begins the edit, or makes it where it takes moments.
   absl::Status Open();
-  EditedModel Edit(const GaussianSet& subset) const;
+  absl::StatusOr<EditedModel> Edit(const GaussianSet& subset) const;
   // Stores the result and fills the response.
   absl::Status Store(EditedModel edited);
   absl::Status RecordEnd(absl::Status status);

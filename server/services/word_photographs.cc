@@ -6,6 +6,7 @@
 
 #include "core/base/status_macros.h"
 #include "core/formats/images.h"
+#include "core/model_files/model_version.h"
 
 namespace pepeseg {
 
@@ -13,7 +14,8 @@ absl::StatusOr<Image> WordPhotographs::Of(const ResidentModel& model, const Mode
                                           const WantedCheck& check) const {
   RETURN_IF_ERROR(check());
   const auto wanted = [&] { return check().ok(); };
-  if (!view.name.empty() && view.photograph) {
+  // Photographs do not show an edited model: in them words would find what was removed.
+  if (!view.name.empty() && view.photograph && !IsEdited(model->model())) {
     StoredPhotographs photographs(deps_.store, deps_.blobs, deps_.photographs, model.id, wanted);
     auto photo = photographs.Formed(view, {.view = view, .max_side = kMaxSide});
     if (photo.ok()) return photo;

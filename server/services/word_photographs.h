@@ -22,8 +22,8 @@ class WordPhotographs {
   explicit WordPhotographs(const Dependencies& deps) : deps_(deps) {}
 
   // Returns what a view of the model shows, with a longer side of at most kMaxSide: its photograph,
-  // formed like the view, or the model's rendering where there is none. Blocks on the store and a
-  // decoder. Returns the error of `check`, or of RenderColor.
+  // formed like the view, or the model's rendering where there is none or the model is edited.
+  // Blocks on the store and a decoder. Returns the error of `check`, or of RenderColor.
   absl::StatusOr<Image> Of(const ResidentModel& model, const ModelView& view,
                            const WantedCheck& check) const;
 

@@ -109,6 +109,26 @@ TEST(EditedModel, ACopyStandsNextToTheOriginal) {
   }
 }
 
+TEST(EditedModel, KnowsHowFarItsGaussiansReach) {
+  Model model = RandomModel();
+  GaussianSet two{std::vector<uint8_t>(kCount)};
+  two.member[3] = two.member[7] = 1;
+  EXPECT_LT(ReachOf(model.gaussians, two), 1);
+  model.gaussians.Plane(kMeanPlane + 1)[7] = -40;
+  EXPECT_EQ(ReachOf(model.gaussians, two), 40);
+  model.gaussians.Plane(kLogScalePlane + 2)[3] = std::log(50.0f);
+  EXPECT_NEAR(ReachOf(model.gaussians, two), 50, 1e-4);
+  for (const float damaged : {NAN, -NAN, INFINITY, -INFINITY}) {
+    model.gaussians.Plane(kMeanPlane)[3] = damaged;
+    EXPECT_EQ(ReachOf(model.gaussians, two), INFINITY);
+  }
+  model.gaussians.Plane(kMeanPlane)[3] = 0;
+  model.gaussians.Plane(kLogScalePlane)[3] = 1000;
+  EXPECT_EQ(ReachOf(model.gaussians, two), INFINITY);
+  two.member[3] = 0;
+  EXPECT_EQ(ReachOf(model.gaussians, two), 40);
+}
+
 TEST(EditedModel, RemovesAndAdds) {
   const Model model = RandomModel();
   NewGaussians added = {model.gaussians.Select(std::vector<int64_t>{7, 7, 8}), {50, 51, 52}};
@@ -153,6 +173,30 @@ TEST(EditedModel, RecoloursWithItsShades) {
   const EditedModel half = RecolorMembers(model, First(), {red, 0.5});
   const Eigen::Vector3d between = (color(model.gaussians, 3) + color(edited.gaussians, 3)) / 2;
   EXPECT_LT((color(half.gaussians, 3) - between).norm(), 1e-5);
+}
+
+// All of it is black but a highlight, or none is.
+TEST(EditedModel, RecoloursWhatIsBlack) {
+  const Eigen::Vector3d red(0.6, 0.2, 0.1);
+  const auto set = [](Gaussians& gaussians, int64_t i, double grey) {
+    for (int k = 0; k < 3; ++k) {
+      gaussians.Plane(kShPlane + k)[i] = static_cast<float>((grey - 0.5) / kSh0);
+    }
+  };
+  const auto color = [](const Gaussians& gaussians, int64_t i) {
+    const auto at = [&](int k) { return 0.5 + kSh0 * gaussians.Plane(kShPlane + k)[i]; };
+    return Eigen::Vector3d(at(0), at(1), at(2));
+  };
+  Model model = RandomModel();
+  for (int64_t i = 0; i < kCount; ++i) set(model.gaussians, i, 0);
+  const EditedModel black = RecolorMembers(model, First(), {red, 1});
+  EXPECT_LT((color(black.gaussians, 5) - red).norm(), 1e-4);
+  const EditedModel half = RecolorMembers(model, First(), {red, 0.5});
+  EXPECT_LT((color(half.gaussians, 5) - red / 2).norm(), 1e-4);
+  set(model.gaussians, 5, 0.1);
+  const EditedModel shade = RecolorMembers(model, First(), {red, 1});
+  EXPECT_GT(color(shade.gaussians, 5).x(), 2 * color(shade.gaussians, 6).x());
+  EXPECT_NEAR(color(shade.gaussians, 6).x(), red.x(), 0.05);
 }
 
 }  // namespace

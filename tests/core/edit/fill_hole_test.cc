@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
+#include <span>
 #include <string>
 
 #include "core/mesh/make_mesh.h"
@@ -148,6 +150,67 @@ TEST_F(FillHoleTest, RemovesOnlyTheThingWithoutViews) {
   model.views.clear();
   const EditedModel edited = Fill();
   EXPECT_EQ(edited.num_removed, ball.count());
+}
+
+// Its pixels exceed an int: such a patch is in front of everything.
+TEST(OpenPixels, AreCoveredByAPatchInFrontOfTheCamera) {
+  ModelView view;
+  view.camera = {.width = 8, .height = 6, .fx = 10, .fy = 10, .cx = 4, .cy = 3};
+  ThingLook look;
+  look.changed.assign(48, 1);
+  look.depth.assign(48, 0);
+  Patch patch{{0, 0, 1e-12}, Eigen::Vector3d::UnitZ(), 0.1, Eigen::Vector3d::Zero()};
+  EXPECT_EQ(std::ranges::count(OpenPixels(view, look, std::span(&patch, 1)), 1), 0);
+  patch.mean = {3, 0, 1e-12};
+  EXPECT_EQ(std::ranges::count(OpenPixels(view, look, std::span(&patch, 1)), 1), 48);
+  patch = {{-0.35, 0, 1}, Eigen::Vector3d::UnitZ(), 0.01, Eigen::Vector3d::Zero()};
+  EXPECT_EQ(std::ranges::count(OpenPixels(view, look, std::span(&patch, 1)), 1), 48 - 6);
+}
+
+// The thing is one point of the plane, in the middle of a gap in it.
+TEST_F(FillHoleTest, FillsUnderAThingThatIsThinSeenFromAbove) {
+  std::vector<int64_t> thing;
+  for (int64_t i = 0; i < model.gaussians.count; ++i) {
+    if (ball.member[i] != 0 && thing.size() < 2) thing.push_back(i);
+  }
+  for (const int64_t row : thing) {
+    for (int k = 0; k < 3; ++k) model.gaussians.Plane(kMeanPlane + k)[row] = 0;
+  }
+  model.gaussians.Plane(kMeanPlane + 1)[thing[1]] = 0.2f;
+  CpuBackend backend{2};
+  const auto segmenter = Segmenter::Create(backend, model);
+  ASSERT_TRUE(segmenter.ok());
+  GaussianSet rest{std::vector<uint8_t>(ball.member.size(), 1)};
+  for (size_t i = 0; i < rest.member.size(); ++i) rest.member[i] = ball.member[i] != 0 ? 0 : 1;
+  SupportPlane plane;
+  plane.point = {0, kBallRadius, 0};
+  plane.normal = {0, -1, 0};
+  plane.tolerance = 11 * kHoleRadius;  // the picture's margin, two of its pixels, covers the gap
+  plane.spacing = 1;
+  const auto patches = PlanePatches(**segmenter, plane, rest, thing);
+  ASSERT_TRUE(patches.ok()) << patches.status();
+  EXPECT_GT(patches->size(), 0);
+  for (const Patch& patch : *patches) {
+    EXPECT_LT((patch.mean - plane.point).norm(), 2 * kHoleRadius);
+  }
+}
+
+// Only the blob under the ball would stay, which no view has seen.
+TEST_F(FillHoleTest, RefusesWhatHidesAllElse) {
+  const Gaussians& gaussians = model.gaussians;
+  for (int64_t i = 0; i < gaussians.count; ++i) {
+    const bool is_blob = ball.member[i] == 0 && gaussians.Plane(kMeanPlane + 1)[i] == 0.52f;
+    ball.member[i] = is_blob ? 0 : 1;
+  }
+  ASSERT_EQ(ball.count(), gaussians.count - 1);
+  CpuBackend backend{2};
+  const auto segmenter = Segmenter::Create(backend, model);
+  ASSERT_TRUE(segmenter.ok());
+  const auto fill = HoleFill::Create(**segmenter, ball);
+  ASSERT_TRUE(fill.ok());
+  absl::Status status;
+  while (status.ok() && !(*fill)->done()) status = (*fill)->Next();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
 }
 
 TEST_F(FillHoleTest, RefusesNothingAndAll) {

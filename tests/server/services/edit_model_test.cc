@@ -162,6 +162,19 @@ TEST_F(EditModelTest, Recolours) {
   EXPECT_GT(ColorAt(66)[2], 100);
 }
 
+TEST_F(EditModelTest, EndsAGrowthThatIsRepeated) {
+  request.mutable_move()->set_scale(1000);
+  int num_done = 0;
+  for (; num_done < 8; ++num_done) {
+    if (!Edit().ok()) break;
+    request.mutable_subset()->set_selection(result.selection());
+  }
+  EXPECT_GE(num_done, 2);
+  EXPECT_LE(num_done, 4) << "beyond 1e9 scene units";
+  EXPECT_ERROR(Edit(), grpc::INVALID_ARGUMENT, "move", "allowed are 1e+09");
+  EXPECT_GT(ColorAt(66)[2], 100) << "the blue square is still drawn";
+}
+
 TEST_F(EditModelTest, RefusesWhatItCannotDo) {
   EXPECT_ERROR(Edit(), grpc::INVALID_ARGUMENT, "edit", "one of");
   request.mutable_remove()->set_fill(true);
@@ -182,6 +195,12 @@ TEST_F(EditModelTest, RefusesWhatItCannotDo) {
   request.mutable_move()->clear_rotation();
   request.mutable_move()->mutable_pivot()->set_x(NAN);
   EXPECT_ERROR(Edit(), grpc::INVALID_ARGUMENT, "move.pivot", "finite");
+  request.mutable_move()->mutable_pivot()->set_x(0);
+  // Float has no such number, or none that can be rendered: the model could not be loaded again.
+  for (const double far : {2e9, 1e39, 1e300}) {
+    request.mutable_move()->mutable_translation()->set_x(far);
+    EXPECT_ERROR(Edit(), grpc::INVALID_ARGUMENT, "move", "allowed are 1e+09");
+  }
   request.mutable_recolor()->set_red(1.5);
   EXPECT_ERROR(Edit(), grpc::INVALID_ARGUMENT, "recolor.red", "0..1");
   request.mutable_recolor()->set_red(NAN);

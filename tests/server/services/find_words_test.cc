@@ -5,9 +5,11 @@
 
 #include <filesystem>
 #include <fstream>
+#include <random>
 #include <string>
 #include <thread>
 
+#include "core/formats/images.h"
 #include "tests/server/shelf_model.h"
 #include "tests/testing/fake_sam.h"
 
@@ -129,6 +131,37 @@ TEST_F(FindWordsOfCommand, FindNothingWhereItFindsNothing) {
   EXPECT_EQ(none.found_size(), 0);
   ASSERT_OK_AND_ASSIGN(const auto option, Find("--out"));
   EXPECT_EQ(option.found_size(), 0);
+}
+
+// The photograph is noise, which no rendering is.
+TEST_F(FindWordsOfCommand, LooksAtRenderingsOfAnEditedModel) {
+  std::mt19937 random(1);
+  Image noise{2 * kWidth, 2 * kHeight, 3, {}};  // as of the model's photographs
+  for (int i = 0; i < 3 * noise.width * noise.height; ++i) {
+    noise.pixels.push_back(static_cast<uint8_t>(random() % 256));
+  }
+  v1::TrainSceneRequest train;
+  train.set_scene("scenes/shelf");
+  train.set_dataset(
+      running.UploadAndSeal("shelf", {{"half.model", "bytes", v1::FILE_KIND_POSES},
+                                      {"images/middle.jpg", *EncodeJpeg(noise, 95)}}));
+  const v1::Job job = *Call(&JobStub::TrainScene, train);
+  ASSERT_EQ(running.Await(job.name()).state(), v1::JOB_STATE_SUCCEEDED);
+  // An image of noise is a large file.
+  SetProgram(R"(for photo in "$2"/*; do
+      if [ $(wc -c <"$photo") -gt 12000 ]; then exit 9; fi
+    done)");
+  EXPECT_ERROR(Find("apple"), grpc::FAILED_PRECONDITION, {.message = "exited with code 9"});
+  v1::EditModelRequest edit;
+  edit.set_model(kModel);
+  SetSegment(1, 1, *edit.mutable_subset());
+  edit.mutable_recolor()->set_green(1);
+  grpc::ClientContext context;
+  const auto stream = running.edits->EditModel(&context, edit);
+  for (v1::EditModelResponse part; stream->Read(&part);) {
+  }
+  ASSERT_OK(stream->Finish());
+  EXPECT_OK(Find("apple"));
 }
 
 TEST_F(FindWordsOfCommand, DoNotKeepOthersWaiting) {

@@ -106,6 +106,23 @@ TEST_F(SamBordersOfModel, LieWhereTheRenderingShowsThemWithoutAPhotograph) {
   EXPECT_TRUE(answer.masks(0).has_similarity());
 }
 
+// The photograph's square is not where the rendering shows it, so a mask says which was looked at.
+TEST_F(SamBordersOfModel, LieWhereTheRenderingOfAnEditedModelShowsThem) {
+  v1::EditModelRequest edit;
+  edit.set_model(kModel);
+  SetSegment(1, 2, *edit.mutable_subset());
+  edit.mutable_remove();
+  grpc::ClientContext context;
+  const auto stream = running.edits->EditModel(&context, edit);
+  for (v1::EditModelResponse part; stream->Read(&part);) {
+  }
+  ASSERT_OK(stream->Finish());
+  request.set_sam_borders(true);
+  ASSERT_OK_AND_ASSIGN(const auto answer, Segment());
+  EXPECT_EQ(answer.masks(0).border_image(), v1::SegmentViewsResponse::BORDER_IMAGE_RENDERING);
+  EXPECT_NEAR(answer.masks(0).box().x(), 15, 1);
+}
+
 TEST_F(SamBordersOfModel, AnswerClicksWithTheModel) {
   ClickInThePhotograph();
   request.set_sam_clicks(true);
