@@ -34,12 +34,12 @@ async function spotOf(page: Page, spot: Spot): Promise<Spot> {
   return [(x - pane.x) / pane.width, (y - pane.y) / pane.height];
 }
 
-/** Returns a position on the screen where a handle is, as the cursor says. */
+/** Returns a position on the screen where a handle is, as the cursor says; near the middle of the 3D view. */
 async function handleOn(page: Page): Promise<{ x: number; y: number }> {
   const at = await page.locator('.splats-canvas').evaluate((element) => {
     const { left, top, width, height } = element.getBoundingClientRect();
-    for (let y = top + 6; y < top + height; y += 6) {
-      for (let x = left + 6; x < left + width; x += 6) {
+    for (let y = top + 0.35 * height; y < top + 0.65 * height; y += 8) {
+      for (let x = left + 0.35 * width; x < left + 0.65 * width; x += 8) {
         const event = { clientX: x, clientY: y, pointerType: 'mouse' };
         element.dispatchEvent(new PointerEvent('pointermove', event));
         if (element.classList.contains('on-handle')) return { x, y };
@@ -99,11 +99,14 @@ export function testEdits(shared: () => { readonly page: Page }): void {
     await settled(page, before);
     const area = Number(await picture.getAttribute('data-area'));
     await expect(page.getByLabel('Fill the hole')).toBeChecked();
+    const looking = page.getByText(/^Looking behind the thing: \d+ of \d+$/);
     await button('Remove').click();
-    await expect(page.getByRole('progressbar', { name: 'Training the surroundings' })).toBeVisible({
-      timeout: 120_000,
-    });
-    await picturesOf(page, 'scene-edit-running');
+    await expect(looking).toBeVisible({ timeout: 120_000 });
+    await button('Cancel').click();
+    await expect(looking).toHaveCount(0);
+    await button('Remove').click();
+    await expect(looking).toBeVisible({ timeout: 120_000 });
+    await screenshot(page, 'scene-edit-running');
     without = await shownAfter(first);
     await expect(page.getByText(/^Photographs do not show this edit/)).toBeVisible();
     await expect(picture.locator('img')).toHaveAttribute('src', /^\/api\/picture.*models/);
@@ -123,6 +126,7 @@ export function testEdits(shared: () => { readonly page: Page }): void {
     await expect(picture.locator('img')).toHaveAttribute('src', /^\/api\/photo/);
     await page.keyboard.press('v');
 
+    // The edit that was cancelled has made none.
     await expect(versions()).toHaveCount(2);
     await expect(versions().first()).toContainText(/^Removed \d+ Gaussians and filled the hole/);
     await page.getByRole('heading', { name: 'Versions' }).scrollIntoViewIfNeeded();
