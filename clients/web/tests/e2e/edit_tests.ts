@@ -34,6 +34,18 @@ async function spotOf(page: Page, spot: Spot): Promise<Spot> {
   return [(x - pane.x) / pane.width, (y - pane.y) / pane.height];
 }
 
+/** Returns the colour at a position once it stays the same: a busy machine draws late. */
+async function restingColor(page: Page, spot: Spot): ReturnType<typeof colorIn3d> {
+  let color = await colorIn3d(page, spot);
+  const isSame = async () => {
+    const last = JSON.stringify(color);
+    color = await colorIn3d(page, spot);
+    return JSON.stringify(color) === last;
+  };
+  await expect.poll(isSame, { timeout: 60_000 }).toBe(true);
+  return color;
+}
+
 /** Returns a position on the screen where a handle is, as the cursor says; near the middle of the 3D view. */
 async function handleOn(page: Page): Promise<{ x: number; y: number }> {
   const at = await page.locator('.splats-canvas').evaluate((element) => {
@@ -72,6 +84,7 @@ export function testEdits(shared: () => { readonly page: Page }): void {
   /** Picks what is in a box around the middle of the 3D view; returns the number of Gaussians. */
   const pickMiddle = async () => {
     const { page } = shared();
+    await expect(page.locator('.splats[data-status=ready]')).toBeVisible({ timeout: 60_000 });
     await page.keyboard.press('Escape');
     await button('Pick by box').click();
     await dragIn3d(page, aroundMiddle);
@@ -190,7 +203,7 @@ export function testEdits(shared: () => { readonly page: Page }): void {
     page.on('request', (request) => (numEdits += request.url().endsWith('/EditModel') ? 1 : 0));
     const start = await modelNow();
     const count = await pickMiddle();
-    const before = await colorIn3d(page, [0.5, 0.5]);
+    const before = await restingColor(page, [0.5, 0.5]);
     await button('Move').click();
     const along = (axis: string) =>
       page.getByRole('group', { name: 'Move by, scene units' }).getByLabel(axis);
@@ -218,7 +231,7 @@ export function testEdits(shared: () => { readonly page: Page }): void {
     }
     await page.keyboard.press('Escape');
     await expect(button('Apply')).toHaveCount(0);
-    const after = await colorIn3d(page, [0.5, 0.5]);
+    const after = await restingColor(page, [0.5, 0.5]);
     expect(Math.abs(after.r - before.r) + Math.abs(after.g - before.g)).toBeLessThan(10);
     expect(numEdits).toBe(0);
 
