@@ -254,8 +254,8 @@ void AddEdit(CLI::App& app, Shell& shell) {
       ->check(CLI::IsMember({"remove", "keep", "move", "copy", "recolor"}));
   AddSubsetFlags(*verb, flags->subset, what);
   verb->add_flag("--fill", flags->fill,
-                 "remove: continue the surroundings where no photograph shows them; up to a minute "
-                 "on a CPU");
+                 "remove: continue the surroundings where no photograph shows them, and light the "
+                 "shadow; some seconds");
   AddMoveFlags(*verb, *flags);
   verb->add_option("--color", flags->color, "recolor: \"#rrggbb\"; light and dark stay");
   verb->add_option("--strength", flags->strength, "recolor: share of the new colour; by default 1")

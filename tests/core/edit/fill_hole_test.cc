@@ -186,11 +186,11 @@ TEST_F(FillHoleTest, FillsUnderAThingThatIsThinSeenFromAbove) {
   plane.point = {0, kBallRadius, 0};
   plane.normal = {0, -1, 0};
   plane.tolerance = 11 * kHoleRadius;  // the picture's margin, two of its pixels, covers the gap
-  plane.spacing = 1;
-  const auto patches = PlanePatches(**segmenter, plane, rest, thing);
-  ASSERT_TRUE(patches.ok()) << patches.status();
-  EXPECT_GT(patches->size(), 0);
-  for (const Patch& patch : *patches) {
+  plane.spacing = 0.1;
+  const auto fill = FillPlane(**segmenter, plane, rest, thing);
+  ASSERT_TRUE(fill.ok()) << fill.status();
+  EXPECT_GT(fill->patches.size(), 0);
+  for (const Patch& patch : fill->patches) {
     EXPECT_LT((patch.mean - plane.point).norm(), 2 * kHoleRadius);
   }
 }

@@ -105,7 +105,7 @@ TEST_F(EditModelTest, FillsTheHole) {
 }
 
 // The squares are 2 units away, the focal length is that of the view.
-TEST_F(EditModelTest, MovesCopiesAndGoesOnWithTheResult) {
+TEST_F(EditModelTest, MovesACopyAndThenTheCopy) {
   auto& move = *request.mutable_move();
   move.mutable_translation()->set_y(-0.6);
   move.set_copy(true);

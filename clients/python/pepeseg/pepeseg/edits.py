@@ -175,8 +175,8 @@ def remove(
 
     Args:
         what: a selection, its number or name, a segment, or a `Prompt`, which is selected first.
-        fill: continue the surroundings where no view has seen behind the thing: takes seconds on a
-            GPU, up to a minute on a CPU.
+        fill: remove what the thing has hidden from all views, too, continue flat surfaces under it,
+            and light its shadow on them. Takes some seconds.
         on_progress: called with what is being done, and with the number of steps that are done, and
             of all, while the hole is filled.
 
