@@ -37,7 +37,8 @@ class EditServiceServicer(object):
         INVALID_ARGUMENT: the subset is empty, all of the model would be removed, or a value is out of
         range. FAILED_PRECONDITION: the selection is of another model. RESOURCE_EXHAUSTED: the model
         would exceed 50,000,000 Gaussians, the server lacks the memory, or (QUOTA) the project has no
-        space for the model. Edits and corrections run one at a time. UNAVAILABLE: too many are waiting.
+        space for the model. Edits and corrections take turns: a hole is filled view by view, and
+        others run in between. UNAVAILABLE: too many are waiting.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
