@@ -5,8 +5,8 @@
 
 namespace pepeseg {
 
-// Version of the schema in schema.sql. A database of another version is refused: there are no
-// migrations before the first release. Versions below 10 were those of development.
+// Version of the schema in schema.sql. A database of another version is refused. Release 0.1.0 has
+// 14: the next version needs a migration from it. Lower ones were those of development.
 inline constexpr int kSchemaVersion = 14;
 
 // The text of schema.sql, which CMake embeds.
