@@ -1,7 +1,7 @@
 #include "core/edit/fill_hole.h"
 
 #include <algorithm>
-#include <numeric>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -29,13 +29,6 @@ constexpr int kMaxViewFills = 6;
 // is seen there by this share of the depth.
 constexpr int kCoverMargin = 2;
 constexpr float kDepthMargin = 0.02f;
-
-std::vector<Eigen::Vector3d> MeansOf(const Gaussians& gaussians, std::span<const int64_t> rows) {
-  std::vector<Eigen::Vector3d> means;
-  means.reserve(rows.size());
-  for (const int64_t row : rows) means.push_back(MeanOf(gaussians, row));
-  return means;
-}
 
 // Returns the Gaussians of `rest` around a thing, or all of it if there are none.
 std::vector<int64_t> RestAround(const Gaussians& gaussians, const GaussianSet& rest,
@@ -133,10 +126,7 @@ HoleFill::Progress HoleFill::progress() const {
 }
 
 absl::Status HoleFill::AddShown(const GaussianSet* subset, std::vector<float>& weights) {
-  const ModelView& view = views_[next_];
-  std::vector<int32_t> pixels(static_cast<size_t>(view.camera.width) * view.camera.height);
-  std::iota(pixels.begin(), pixels.end(), 0);
-  ASSIGN_OR_RETURN(const PixelRows rows, segmenter_.Rows(view, pixels, subset));
+  ASSIGN_OR_RETURN(const PixelRows rows, RowsOfView(segmenter_, views_[next_], subset));
   for (size_t e = 0; e < rows.gaussian.size(); ++e) {
     float& most = weights[rows.gaussian[e]];
     most = std::max(most, rows.weight[e]);
@@ -205,15 +195,14 @@ void HoleFill::AddHidden(const std::vector<Patch>& patches) {
     const std::vector<uint8_t> covered =
         Dilated(looks_[v].changed, camera.width, camera.height, kCoverMargin);
     for (size_t i = 0; i < patches.size(); ++i) {
-      const Eigen::Vector3d p = views_[v].cam_from_world * patches[i].mean;
-      if (p.z() <= 0) continue;
-      const double x = camera.fx * p.x() / p.z() + camera.cx;
-      const double y = camera.fy * p.y() / p.z() + camera.cy;
-      if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
-      const size_t pixel = static_cast<size_t>(y) * camera.width + static_cast<size_t>(x);
+      const std::optional<Eigen::Vector2d> at = PixelOf(views_[v], patches[i].mean);
+      if (!at || !IsInView(views_[v], *at)) continue;
+      const size_t pixel =
+          static_cast<size_t>(at->y()) * camera.width + static_cast<size_t>(at->x());
       if (covered[pixel] != 0) continue;
       const float depth = looks_[v].depth[pixel];
-      if (depth == 0 || p.z() < (1 - kDepthMargin) * depth) is_seen[i] = 1;
+      const double z = (views_[v].cam_from_world * patches[i].mean).z();
+      if (depth == 0 || z < (1 - kDepthMargin) * depth) is_seen[i] = 1;
     }
   }
   for (size_t i = 0; i < patches.size(); ++i) {

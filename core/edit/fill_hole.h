@@ -15,11 +15,9 @@ namespace pepeseg {
 
 // Removes a thing and fills the hole behind it (METHOD.md section 4, "Edits"), in parts, so that
 // progress can be reported in between:
-// - What the thing has covered in most views goes with it, next to it: what a view has hardly shown
-//   is not known, and what is there was not trained on what is there.
-// - Flat surfaces on which it stands or leans are continued (SupportPlane), and its shadow on them
-// is
-//   lit.
+// - What the thing has hidden from all views goes with it: it was not trained on what is there.
+// - Flat surfaces that the thing touches are continued (SupportPlane), and its shadow on them is
+// lit.
 // - What is still open in a view is continued from what is around it there.
 // Patches that a view would have seen next to the thing are dropped. Nothing is trained: on
 // photographs without the thing, the last steps of stage one's schedule changed nothing that was

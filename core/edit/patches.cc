@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <optional>
 
 #include "core/base/order_statistics.h"
 #include "core/base/status_macros.h"
@@ -80,11 +80,6 @@ struct PlanePicture {
   double reach = 0;  // of the thing on the plane from its middle, scene units
   double pixel = 0;  // width of a pixel on the plane, scene units
 
-  Eigen::Vector2d PixelOf(const Eigen::Vector3d& p) const {
-    const Eigen::Vector3d c = view.cam_from_world * p;
-    const Camera& camera = view.camera;
-    return {camera.fx * c.x() / c.z() + camera.cx, camera.fy * c.y() / c.z() + camera.cy};
-  }
   // Returns the point of the plane at the centre of a pixel.
   Eigen::Vector3d PointAt(const SupportPlane& plane, int x, int y) const {
     const Pose world_from_cam = view.cam_from_world.Inverse();
@@ -132,11 +127,9 @@ absl::StatusOr<PlaneLook> LookAtPlane(const Segmenter& segmenter, const ModelVie
                                       const GaussianSet& slab) {
   PlaneLook look;
   ASSIGN_OR_RETURN(look.color, segmenter.RenderColor(view, &slab));
-  std::vector<int32_t> pixels(static_cast<size_t>(view.camera.width) * view.camera.height);
-  std::iota(pixels.begin(), pixels.end(), 0);
-  ASSIGN_OR_RETURN(const PixelRows rows, segmenter.Rows(view, pixels, &slab));
-  look.alpha.resize(pixels.size());
-  for (size_t i = 0; i < pixels.size(); ++i) {
+  ASSIGN_OR_RETURN(const PixelRows rows, RowsOfView(segmenter, view, &slab));
+  look.alpha.resize(rows.num_rows());
+  for (size_t i = 0; i < look.alpha.size(); ++i) {
     for (int32_t e = rows.first[i]; e < rows.first[i + 1]; ++e) look.alpha[i] += rows.weight[e];
   }
   return look;
@@ -149,7 +142,7 @@ std::vector<uint8_t> FootOf(const PlanePicture& picture, const SupportPlane& pla
   for (const Eigen::Vector3d& p : thing) {
     const Eigen::Vector3d on_plane = p - plane.Above(p) * plane.normal;
     if ((on_plane - plane.point).norm() > kPictureReach * picture.reach) continue;
-    outline.push_back(picture.PixelOf(on_plane));
+    if (const auto at = PixelOf(picture.view, on_plane)) outline.push_back(*at);
   }
   outline = HullOf(std::move(outline));
   const double margin = std::max(2.0, kOutlineMargin * picture.reach / picture.pixel);
@@ -170,9 +163,9 @@ std::vector<PlaneFill::Lit> LitBy(const CastShadow& shadow, const PlanePicture& 
   std::vector<PlaneFill::Lit> lit;
   for (int64_t i = 0; i < gaussians.count; ++i) {
     if (slab.member[i] == 0) continue;
-    const Eigen::Vector2d at = picture.PixelOf(MeanOf(gaussians, i));
-    if (!(at.x() >= 0 && at.y() >= 0 && at.x() < camera.width && at.y() < camera.height)) continue;
-    const size_t pixel = static_cast<size_t>(at.y()) * camera.width + static_cast<size_t>(at.x());
+    const std::optional<Eigen::Vector2d> at = PixelOf(picture.view, MeanOf(gaussians, i));
+    if (!at || !IsInView(picture.view, *at)) continue;
+    const size_t pixel = static_cast<size_t>(at->y()) * camera.width + static_cast<size_t>(at->x());
     if (shadow.share[pixel] > 0) lit.push_back({i, shadow.GainAt(pixel)});
   }
   return lit;
@@ -207,8 +200,7 @@ NewGaussians GaussiansOf(std::span<const Patch> patches, int sh_degree,
 absl::StatusOr<PlaneFill> FillPlane(const Segmenter& segmenter, const SupportPlane& plane,
                                     const GaussianSet& rest, std::span<const int64_t> thing) {
   const Model& model = segmenter.model();
-  std::vector<Eigen::Vector3d> points;
-  for (const int64_t row : thing) points.push_back(MeanOf(model.gaussians, row));
+  const std::vector<Eigen::Vector3d> points = MeansOf(model.gaussians, thing);
   const PlanePicture picture = PictureOf(plane, points, model.scene_radius);
   GaussianSet slab = rest;
   for (int64_t i = 0; i < model.gaussians.count; ++i) {

@@ -141,9 +141,7 @@ bool TurnToThing(std::span<const Eigen::Vector3d> thing, double max_gap, Support
 std::vector<SupportPlane> FindSupportPlanes(const Gaussians& gaussians, const GaussianSet& rest,
                                             std::span<const int64_t> thing,
                                             const ThingSpace& space) {
-  std::vector<Eigen::Vector3d> points;
-  for (const int64_t row : thing) points.push_back(MeanOf(gaussians, row));
-  points = Thinned(points, kMaxThingPoints);
+  const std::vector<Eigen::Vector3d> points = Thinned(MeansOf(gaussians, thing), kMaxThingPoints);
   std::vector<PlaneCandidate> left = CandidatesNear(gaussians, rest, points, space);
   const size_t enough =
       std::max(kMinMembers, static_cast<size_t>(kMinShare * static_cast<double>(left.size())));
@@ -156,10 +154,7 @@ std::vector<SupportPlane> FindSupportPlanes(const Gaussians& gaussians, const Ga
     const std::vector<PlaneCandidate> within = Within(plane, plane.tolerance, left);
     if (within.size() < enough) break;
     std::vector<double> sizes;
-    for (const PlaneCandidate& c : within) {
-      plane.members.push_back(c.row);
-      sizes.push_back(SizeOf(gaussians, c.row));
-    }
+    for (const PlaneCandidate& c : within) sizes.push_back(SizeOf(gaussians, c.row));
     plane.spacing = NearestRank(sizes, 0.5);
     const bool is_new = std::ranges::none_of(planes, [&](const SupportPlane& other) {
       return std::abs(other.normal.dot(plane.normal)) > kSameDirection;

@@ -14,9 +14,8 @@ namespace pepeseg {
 struct SupportPlane {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();    // the thing's center, projected onto it
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // of length 1, towards the thing
-  double tolerance = 0;          // largest distance of its Gaussians from it, scene units
-  double spacing = 0;            // median size of its Gaussians, scene units
-  std::vector<int64_t> members;  // its Gaussians near the thing
+  double tolerance = 0;  // largest distance of its Gaussians from it, scene units
+  double spacing = 0;    // median size of its Gaussians, scene units
 
   // Returns the distance of a point from the plane; > 0: on the thing's side.
   double Above(const Eigen::Vector3d& p) const { return normal.dot(p - point); }

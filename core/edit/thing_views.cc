@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <optional>
+#include <numeric>
 #include <utility>
 
 #include "core/base/order_statistics.h"
@@ -65,12 +65,9 @@ std::optional<ModelView> PartWith(const ModelView& view, std::span<const Eigen::
   const Camera& camera = view.camera;
   std::vector<double> xs, ys;
   for (const Eigen::Vector3d& sample : samples) {
-    const Eigen::Vector3d p = view.cam_from_world * sample;
-    if (p.z() <= 0) continue;
-    const double x = camera.fx * p.x() / p.z() + camera.cx;
-    const double y = camera.fy * p.y() / p.z() + camera.cy;
-    if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
-    xs.push_back(x), ys.push_back(y);
+    const std::optional<Eigen::Vector2d> at = PixelOf(view, sample);
+    if (!at || !IsInView(view, *at)) continue;
+    xs.push_back(at->x()), ys.push_back(at->y());
   }
   if (static_cast<double>(xs.size()) < kMinSeen * static_cast<double>(samples.size())) {
     return std::nullopt;
@@ -85,6 +82,33 @@ std::optional<ModelView> PartWith(const ModelView& view, std::span<const Eigen::
 }
 
 }  // namespace
+
+std::vector<Eigen::Vector3d> MeansOf(const Gaussians& gaussians, std::span<const int64_t> rows) {
+  std::vector<Eigen::Vector3d> means;
+  means.reserve(rows.size());
+  for (const int64_t row : rows) means.push_back(MeanOf(gaussians, row));
+  return means;
+}
+
+std::optional<Eigen::Vector2d> PixelOf(const ModelView& view, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d p = view.cam_from_world * point;
+  if (p.z() <= 0) return std::nullopt;
+  const Camera& camera = view.camera;
+  return Eigen::Vector2d(camera.fx * p.x() / p.z() + camera.cx,
+                         camera.fy * p.y() / p.z() + camera.cy);
+}
+
+bool IsInView(const ModelView& view, const Eigen::Vector2d& pixel) {
+  return pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < view.camera.width &&
+         pixel.y() < view.camera.height;
+}
+
+absl::StatusOr<PixelRows> RowsOfView(const Segmenter& segmenter, const ModelView& view,
+                                     const GaussianSet* subset) {
+  std::vector<int32_t> pixels(static_cast<size_t>(view.camera.width) * view.camera.height);
+  std::iota(pixels.begin(), pixels.end(), 0);
+  return segmenter.Rows(view, pixels, subset);
+}
 
 ThingSpace SpaceOf(const Gaussians& gaussians, std::span<const int64_t> thing) {
   const std::vector<Eigen::Vector3d> samples = Samples(gaussians, thing);

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -14,6 +16,18 @@ namespace pepeseg {
 inline constexpr int kThingViewSide = 384;
 // Most views of a thing that are looked at.
 inline constexpr size_t kMaxThingViews = 32;
+
+// Returns the means of some Gaussians, in their order.
+std::vector<Eigen::Vector3d> MeansOf(const Gaussians& gaussians, std::span<const int64_t> rows);
+
+// Returns where a view shows a point, in its pixels, which may be outside of it. Absent: the point
+// is not in front of the camera.
+std::optional<Eigen::Vector2d> PixelOf(const ModelView& view, const Eigen::Vector3d& point);
+// Returns whether a position is in the view.
+bool IsInView(const ModelView& view, const Eigen::Vector2d& pixel);
+// Returns the blend rows of all pixels of a view, see Segmenter::Rows.
+absl::StatusOr<PixelRows> RowsOfView(const Segmenter& segmenter, const ModelView& view,
+                                     const GaussianSet* subset);
 
 // Where a thing is in space.
 struct ThingSpace {
@@ -34,7 +48,7 @@ struct ThingLook {
   std::vector<float> depth;
   Image color;  // without the thing
 };
-// removed: the thing; rest: all others. Errors are those of Segmenter::RenderColor.
+// rest: all Gaussians but the thing. Errors are those of Segmenter::RenderColor.
 absl::StatusOr<ThingLook> LookWithout(const Segmenter& segmenter, const ModelView& view,
                                       const GaussianSet& rest);
 

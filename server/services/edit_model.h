@@ -57,7 +57,7 @@ class EditModelStream final : public WriteStream<v1::EditModelResponse> {
   std::unique_ptr<ReservedMemory> memory_;
   std::unique_ptr<HoleFill> fill_;  // refers to the model
   absl::Time last_progress_ = absl::InfinitePast();
-  bool answered_ = false;  // the result was sent
+  bool answered_ = false;  // the result is made
 };
 
 }  // namespace pepeseg

@@ -1,4 +1,4 @@
-// What the pane of photographs shows: photographs, or renderings, as of a version that an edit has made.
+// The pictures of the pane of photographs: photographs, or renderings of a version that an edit has made.
 import { useRef, useState } from 'preact/hooks';
 import { photoUrl, pictureUrl } from '../api/clients';
 import type { SceneVersions } from '../edit/versions';
